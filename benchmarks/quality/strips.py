@@ -26,8 +26,7 @@ from latentmotion.evaluation.evaluate import build_test_set
 from latentmotion.motion import Motion
 from latentmotion.render.painter import half_front
 from latentmotion.reproduce.runner import TableRunner
-from latentmotion.reproduce.table import Row
-from latentmotion.reproduce.tables import rows_named
+from latentmotion.reproduce.table import Row, rows_named
 from latentmotion.storage.files import atomic_file
 
 REAL = "Real"
@@ -66,7 +65,7 @@ def draw_strips(runner: TableRunner, rows: Sequence[Row], count: int) -> Path:
     Raises:
         InputError: No row generates, or there are not so many different captions.
     """
-    rows = [row for row in rows if row.kind == "generated"]
+    rows = [row for row in rows if row.motions == "generated"]
     if not rows:
         raise InputError(f"no row of {runner.table.name} generates motions; name some by --rows")
     candidates = [Generated(runner.pipeline(row), row=row.name) for row in rows]

@@ -34,8 +34,7 @@ from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import load_stages
 from latentmotion.reproduce.markdown import cell, number
 from latentmotion.reproduce.plots import new_figure, save_figure
-from latentmotion.reproduce.table import Row, Table
-from latentmotion.reproduce.tables import rows_named
+from latentmotion.reproduce.table import Row, Table, rows_named
 from latentmotion.reproduce.workspace import Workspace
 from latentmotion.storage.configuration import write_json
 from latentmotion.storage.files import atomic_file
@@ -139,7 +138,7 @@ class CurveRunner:
             InputError: No row is a VAE's, or a folder holds another run.
             DataError: The data cannot be used.
         """
-        rows = [row for row in self.rows if row.kind == "reconstructed"]
+        rows = [row for row in self.rows if row.motions == "reconstructed"]
         if not rows:
             raise InputError(
                 f"no row of {self.table.name} rebuilds motions; vae is a table that has some"

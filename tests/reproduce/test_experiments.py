@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from benchmarks.training.curves import (
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
-from latentmotion.errors import InputError
+from latentmotion.errors import DataError, InputError
 from latentmotion.evaluation.evaluators.interface import Recognition
 from latentmotion.evaluation.protocol import CLEAN, Repeats
 from latentmotion.model.config import TransformerVAEConfig
@@ -39,8 +40,7 @@ from latentmotion.reproduce.markdown import (
 from latentmotion.reproduce.models import MODELS, Model
 from latentmotion.reproduce.plots import chosen, map_of, silhouette
 from latentmotion.reproduce.runner import TableRunner
-from latentmotion.reproduce.table import Row, Table
-from latentmotion.reproduce.tables import TABLES, rows_named, table_named
+from latentmotion.reproduce.table import TABLES, Row, Table, rows_named, table_named
 from latentmotion.reproduce.workspace import Workspace
 from latentmotion.storage.configuration import read_json
 from tests.support.moving_figures import write_moving_figures
@@ -64,6 +64,9 @@ TINY = replace(
             for setting in ("steps=4", "batch_size=4", "report_every=1", "validate_every=2")
         ),
     ]
+)
+TINY_ACTIONS = replace(TINY, max_frames=None).changed(
+    ["vae_cropping.max_frames=60", "latents.cropping.max_frames=60"]
 )
 PROTOCOL = replace(
     CLEAN,
@@ -160,9 +163,9 @@ def test_every_model_keeps_its_settings(budget: str) -> None:
 def test_the_small_budget_keeps_the_differences_of_rows() -> None:
     built = {name: MODELS[name].first_stage(SMALL, 263).vae for name in ("mld_1", "actor")}
     assert built["mld_1"] != built["actor"]
-    layers = [f"mld_1_{n}_layers" for n in (7, 11)]
+    layers = [f"mld_7_{n}_layers" for n in (7, 11)]
     vaes = [MODELS[name].first_stage(SMALL, 263).vae for name in layers]
-    assert [v.transformer.layers for v in vaes if isinstance(v, TransformerVAEConfig)] == [3, 7]
+    assert [v.transformer.layers for v in vaes if isinstance(v, TransformerVAEConfig)] == [5, 9]
 
 
 def test_two_rows_are_trained_measured_and_kept(dataset: Dataset, tmp_path: Path) -> None:
@@ -191,7 +194,7 @@ def test_a_guidance_sweep_and_training_curves_are_drawn(dataset: Dataset, tmp_pa
     once = replace(TINY.protocol(PROTOCOL), replications=1)
     for name, rows in {
         "guidance": ["scale_1", "scale_7_5"],
-        "training": [],
+        "training": ["skips_80", "skips_100"],
         "steps": ["mld_ddim_5"],
     }.items():
         TableRunner(TABLES[name], work, once, Means()).run(rows_named(TABLES[name], rows))
@@ -209,6 +212,57 @@ def test_actions_and_their_latents(dataset: Dataset, tmp_path: Path) -> None:
         TableRunner(TABLES[name], work, once, evaluator).run(rows_named(TABLES[name], rows))
     assert "Accuracy" in (tmp_path / "action.md").read_text(encoding="utf-8")
     assert (tmp_path / "latents.svg").stat().st_size > 5000
+
+
+def act12(folder: Path, clips: int = 48) -> Dataset:
+    """A fake HumanAct12 in ACTOR's layout, prepared by the command."""
+    generator = np.random.default_rng(0)
+    poses = [0.3 * generator.standard_normal((60, 72)) for _ in range(clips)]
+    joints = [generator.standard_normal((60, 24, 3)).cumsum(axis=0) / 50 for _ in range(clips)]
+    path = folder / "humanact12poses.pkl"
+    content = {"poses": poses, "joints3D": joints, "y": [n % 12 for n in range(clips)]}
+    path.write_bytes(pickle.dumps(content))
+    main(["data", "prepare", "humanact12", str(path), "-o", str(folder / "ha12")])
+    return Dataset.load(folder / "ha12")
+
+
+def test_humanact12_ends_with_a_table_on_its_only_split(tmp_path: Path) -> None:
+    data = act12(tmp_path)
+    work = Workspace(data, tmp_path / "out", TINY_ACTIONS, CONTEXT, lambda _: LetterCount())
+    table, once = TABLES["action_humanact12"], replace(TINY.protocol(PROTOCOL), replications=1)
+    runner = TableRunner(table, work, once, Guesses(tuple(data.actions())))
+    text = runner.run(rows_named(table, ["mld"])).read_text(encoding="utf-8")
+    assert "FID train ↓ | FID train, paper | Accuracy" in text and "split train" in text
+    assert "| INR | – | 0.088 | – | 0.973 |" in text and "joints where the paper" in text
+    real, mld = (row for row in runner.measured_rows().rows)
+    assert mld.figures["FID train"][0] is not None and real.figures["Accuracy"][0] is not None
+    with pytest.raises(DataError, match=r"split test: .* has 0 clips with a label"):
+        replace(runner, table=replace(table, splits=("train", "test"))).run(table.rows)
+
+
+def test_the_real_row_is_measured_alone(dataset: Dataset, tmp_path: Path) -> None:
+    told: list[str] = []
+    work = workspace_of(dataset, tmp_path, told)
+    runner = TableRunner(TABLES["text"], work, TINY.protocol(PROTOCOL), Means())
+    text = runner.run(rows_named(TABLES["text"], ["real"])).read_text(encoding="utf-8")
+    assert not any("training" in line for line in told)
+    alone = runner.measured_rows().rows[0].figures
+    assert "| Real | 0." in text.replace("| 1.00", "| 0.") and alone["R@3"][0] is not None
+    runner.run(rows_named(TABLES["text"], ["mld_1"]))
+    real = runner.measured_rows().rows[0]
+    assert real.row == "real" and real.figures["FID"] == alone["FID"]
+
+
+def test_a_table_of_one_data_set_refuses_others_before_training(
+    dataset: Dataset, tmp_path: Path
+) -> None:
+    told: list[str] = []
+    runner = TableRunner(TABLES["text_kit"], workspace_of(dataset, tmp_path, told), CLEAN, Means())
+    with pytest.raises(DataError, match=r"text_kit is of KIT.*holds synthetic"):
+        runner.run(runner.table.rows)
+    assert not told and not list(tmp_path.iterdir())
+    with pytest.raises(InputError, match="row 'temos': only its published figures"):
+        rows_named(TABLES["text"], ["temos"])
 
 
 def test_settings_that_differ_are_an_error(dataset: Dataset, tmp_path: Path) -> None:

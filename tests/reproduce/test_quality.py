@@ -16,7 +16,7 @@ from latentmotion.motion import Motion
 from latentmotion.reproduce.joined import interval, join_runs, joined_row
 from latentmotion.reproduce.markdown import RowResult, TableResult, fill
 from latentmotion.reproduce.runner import TableRunner
-from latentmotion.reproduce.tables import TABLES, rows_named
+from latentmotion.reproduce.table import TABLES, rows_named
 from latentmotion.reproduce.training_cost import training_cost
 from latentmotion.reproduce.workspace import Workspace
 from latentmotion.storage.configuration import read_json, write_json

@@ -13,7 +13,7 @@ from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.reproduce.tables import TABLES, rows_named, table_named
+from latentmotion.reproduce.table import TABLES, rows_named, table_named
 
 if TYPE_CHECKING:
     from latentmotion.reproduce.runner import TableRunner
@@ -114,7 +114,11 @@ class RunExperiment:
     """Rows to run; by default all."""
     evaluator: options.Evaluator = None
     text_encoder: options.TextEncoderName = options.TEXT_ENCODER
-    protocol: options.ProtocolChoice = "clean"
+    protocol: options.ProtocolChoice | None = None
+    """Rules of the evaluation; by default paper with the budget paper, else clean."""
+    body: Path | None = None
+    """SMPL model file (SMPL_NEUTRAL.npz) for the loss on vertices of action models; without it they
+    compare joints."""
     vaes: Path | None = None
     """Folder of trained VAEs, the output of another run; by default they are trained, too."""
     replications: int | None = None
@@ -156,9 +160,12 @@ class RunExperiment:
             sizes = budget.budget_named(self.budget).of_table(self.name).changed(self.set)
             data = Dataset.load(self.data)
             work = workspace.Workspace(
-                data, self.output, sizes, context, encoder, self.text_encoder, vaes=self.vaes
+                *(data, self.output, sizes, context, encoder, self.text_encoder),
+                vaes=self.vaes,
+                body=self.body,
             )
             evaluator = load_evaluator(self.evaluator) if self.evaluator else None
             count = self.replications or sizes.replications
-            protocol = sizes.protocol(replace(PROTOCOLS[self.protocol], replications=count))
+            name = self.protocol or ("paper" if self.budget == "paper" else "clean")
+            protocol = sizes.protocol(replace(PROTOCOLS[name], replications=count))
             yield runner.TableRunner(table, work, protocol, evaluator)

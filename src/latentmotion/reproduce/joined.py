@@ -60,7 +60,7 @@ def join_runs(table: Table, folders: Sequence[Path], output: Path) -> Path:
         write_json(path.with_suffix(".json"), joined)
         titled = replace(table, title=f"{table.title}, by evaluator {number}", expects="")
         text = markdown(titled if number > 1 else table, joined, says)
-        if draw_figure(table, folders[0], joined, path.with_suffix(".svg")):
+        if draw_figure(table, joined, path.with_suffix(".svg")):
             text += f"\n![{table.title}]({name}.svg)\n"
         with atomic_file(path) as temporary:
             temporary.write_text(text, encoding="utf-8")
@@ -100,7 +100,7 @@ def interval(values: Sequence[float]) -> float | None:
 
 def _joined_rows(table: Table, results: Sequence[TableResult], says: str) -> tuple[RowResult, ...]:
     measured = [row for result in results for row in result.rows]
-    kinds = {row.name: row.kind for row in table.rows}
+    kinds = {row.name: row.motions for row in table.rows}
     named = [[one for one in measured if one.row == name] for name in kinds]
     joined = []
     for rows in filter(None, named):

@@ -19,13 +19,16 @@ from latentmotion.errors import InputError, unreadable
 from latentmotion.evaluation.report import UNITS as REPORT_UNITS
 from latentmotion.evaluation.report import table_line
 from latentmotion.reproduce.models import MODELS
-from latentmotion.reproduce.table import Row, Table
-from latentmotion.reproduce.tables import TABLES
+from latentmotion.reproduce.table import TABLES, Row, Table
 from latentmotion.storage.files import atomic_file
 
 UNITS = {
     **REPORT_UNITS,
     "AITS": "s ↓",
+    "Time of 2,048": "s ↓",
+    "Input numbers": "↓",
+    "FID train": "↓",
+    "FID test": "↓",
     "Processor time": "s ↓",
     "GFLOPs": "↓",
     "Parameters": "10⁶ ↓",
@@ -115,7 +118,7 @@ def markdown(table: Table, result: TableResult, says: str) -> str:
         cells = [row.title]
         for _, metric, from_paper in columns:
             if from_paper:
-                cells.append(f"{row.paper[metric]:g}" if metric in row.paper else "")
+                cells.append(_published(row, metric))
             else:
                 cells.append(cell(figures[metric]) if metric in figures else "–")
         lines.append(table_line(cells))
@@ -130,11 +133,24 @@ def markdown(table: Table, result: TableResult, says: str) -> str:
         "",
         f"* Protocol {result.protocol}.",
         f"* Budget {result.budget}: {says}.",
+        f"* Columns of the paper: {ABSENT} is not in the paper; {UNSTATED} is, but no source here "
+        "states it.",
         *(f"* {note}" for note in _notes(table, result)),
         "",
         "</details>",
     ]
     return "\n".join(parts) + "\n"
+
+
+ABSENT, UNSTATED = "·", "?"
+"""Cells of the paper's columns without a figure."""
+
+
+def _published(row: Row, metric: str) -> str:
+    value = row.paper.get(metric)
+    if value is not None:
+        return f"{value:g}"
+    return UNSTATED if metric in row.paper else ABSENT
 
 
 def number(value: float, like: float | None = None) -> str:
@@ -155,7 +171,11 @@ def cell(figure: Sequence[float | None]) -> str:
 
 def _notes(table: Table, result: TableResult) -> list[str]:
     """Missing rows, notes, and warnings, each once with the rows that it applies to."""
-    notes = [f"{row.title}: not run, {row.missing}." for row in table.rows if row.missing]
+    reasons: dict[str, list[str]] = {}
+    for row in table.rows:
+        if row.missing:
+            reasons.setdefault(row.missing, []).append(row.title)
+    notes = [f"{', '.join(titles)}: not run, {reason}." for reason, titles in reasons.items()]
     texts = dict.fromkeys(note for row in result.rows for note in row.notes)
     notes += [f"{text[0].upper()}{text[1:]}." for text in texts]
     warned: dict[str, list[str]] = {}
@@ -215,8 +235,9 @@ def fill(document: Path, results: Path) -> list[str]:
     return finished
 
 
-MINUTES = {"vae": 11, "denoiser": 2, "raw": 5}
-"""Minutes of training on one core in the small budget, measured on an AMD EPYC."""
+MINUTES = {"vae": 15, "denoiser": 3, "raw": 7}
+"""Minutes of training on one core in the small budget: those of five layers, as measured on an AMD
+EPYC, times 7 / 5."""
 
 
 def overview(tables: Iterable[Table]) -> str:
@@ -267,6 +288,6 @@ def minutes(rows: Iterable[Row]) -> int:
             stages.add(("raw", model.name))
             continue
         stages.add(("vae", model.first or model.name))
-        if row.kind not in ("reconstructed", "prior"):
+        if row.motions not in ("reconstructed", "prior"):
             stages.add(("denoiser", model.name))
     return sum(MINUTES[kind] for kind, _ in stages)

@@ -20,8 +20,10 @@ from latentmotion.training.presets import (
     fast,
     mdm,
     mdm_50,
+    mld_humanact12,
     mld_humanml3d,
     mld_no_vae,
+    mld_uestc,
     starter,
 )
 
@@ -112,9 +114,10 @@ def with_vae(vae: config.VAEConfig) -> Change:
     return lambda experiment: replace(experiment, vae=vae)
 
 
-def with_transformer_vae(**settings: Any) -> Change:
-    """Returns the change to MLD-1's VAE with other settings of its transformer."""
-    return with_vae(config.TransformerVAEConfig(transformer=config.TransformerConfig(**settings)))
+def with_seven_tokens(**settings: Any) -> Change:
+    """Returns the change to MLD-7's VAE with other settings of its transformer."""
+    transformer = config.TransformerConfig(**settings)
+    return with_vae(config.TransformerVAEConfig(tokens=7, transformer=transformer))
 
 
 def with_denoiser(**settings: Any) -> Change:
@@ -132,10 +135,26 @@ def with_denoiser_training(**settings: Any) -> Change:
     return lambda e: replace(e, denoiser_training=replace(e.denoiser_training, **settings))
 
 
+def with_batches_of(size: int) -> Change:
+    """Returns the change to another batch size of the denoiser, for as many epochs."""
+
+    def change(experiment: Experiment) -> Experiment:
+        training = experiment.denoiser_training
+        steps = round(training.steps * training.batch_size / size)
+        return with_denoiser_training(batch_size=size, steps=steps)(experiment)
+
+    return change
+
+
 def with_four_times_the_steps(experiment: Experiment) -> Experiment:
     """Trains the denoiser for four times the steps."""
     steps = 4 * experiment.denoiser_training.steps
     return with_denoiser_training(steps=steps)(experiment)
+
+
+def with_kept_models(experiment: Experiment) -> Experiment:
+    """Keeps the denoiser at every fifth of its training."""
+    return with_denoiser_training(keep=5)(experiment)
 
 
 def with_latents(**settings: Any) -> Change:
@@ -199,28 +218,29 @@ STANDARDIZED = with_denoiser(condition_projection="standardized")
 """The change to sentences in unit scale, without the ReLU that was made for CLIP's."""
 
 VAES = (
-    Model("mld_1"),
+    Model("mld_1", changes=(with_kept_models,)),
     *(
         Model(f"mld_{n}", changes=(with_vae(config.TransformerVAEConfig(tokens=n)),))
         for n in (2, 5, 7, 10)
     ),
     Model("actor", changes=(with_vae(actor_vae(263)),)),
     Model("vposer_t", changes=(with_vae(config.VPoserTConfig()),)),
-    Model("mld_1_no_skip", changes=(with_transformer_vae(skips=False),)),
-    *(Model(f"mld_1_{n}_layers", changes=(with_transformer_vae(layers=n),)) for n in (7, 11)),
+    Model("mld_7_no_skip", changes=(with_seven_tokens(skips=False),)),
+    *(Model(f"mld_7_{n}_layers", changes=(with_seven_tokens(layers=n),)) for n in (7, 11)),
     Model("mld_1_two_rates", changes=(with_vae(config.TransformerVAEConfig(decoding="two_rate")),)),
     Model(
         "mld_1_coarse",
         changes=(with_vae(config.TransformerVAEConfig(decoding="two_rate", fine_layers=0)),),
     ),
     Model("autoencoder", changes=(as_autoencoder,)),
+    Model("autoencoder_7", changes=(as_autoencoder, with_seven_tokens())),
 )
 """VAEs, and denoisers on their latents (tables 1, 4, 5, 8 and the appendix)."""
 
 DENOISERS = (
     _mld("cross", with_denoiser(attention="cross")),
     _mld("cross_no_skip", with_denoiser(attention="cross", transformer=NO_SKIPS)),
-    _mld("denoiser_no_skip", with_denoiser(transformer=NO_SKIPS)),
+    _mld("denoiser_no_skip", with_denoiser(transformer=NO_SKIPS), with_kept_models),
     *(
         _mld(f"denoiser_{n}_layers", with_denoiser(transformer=config.TransformerConfig(layers=n)))
         for n in (5, 7, 11)
@@ -232,16 +252,19 @@ DENOISERS = (
     _mld("velocity_standardized", with_objective(parametrization=Velocity()), STANDARDIZED),
     Model("mld_7_z0", changes=(OF_Z0,), first="mld_7"),
     _mld("mld_1_longer", with_four_times_the_steps),
-    *(_mld(f"dropped_{p}", with_objective(dropped=p / 100)) for p in (5, 15, 25)),
-    *(_mld(f"batch_{n}", with_denoiser_training(batch_size=n)) for n in (128, 256, 500)),
+    *(_mld(f"dropped_{p}", with_objective(dropped=p / 100)) for p in (5, 15, 20, 25, 30)),
+    *(_mld(f"batch_{n}", with_batches_of(n)) for n in (32, 128, 256, 512)),
 )
 """Denoisers by shape, objective, guidance dropout and batch size (tables 5, 9 and the appendix)."""
 
+_LANGUAGE = (with_batches_of(500),)
+
 TEXT_ENCODERS = (
-    _mld("clip_pooled", with_text(pooled=True, words=0), encoder="clip"),
-    _mld("clip_words", with_text(pooled=False, words=77), encoder="clip_hidden"),
-    _mld("bert", with_text(pooled=False, words=77), encoder="distilbert"),
-    _mld("minilm", with_text(pooled=True, words=0), encoder="minilm"),
+    _mld("clip_pooled", with_text(pooled=True, words=0), *_LANGUAGE, encoder="clip"),
+    _mld("clip_words", with_text(pooled=False, words=77), *_LANGUAGE, encoder="clip_hidden"),
+    _mld("bert", with_text(pooled=False, words=77), *_LANGUAGE, encoder="distilbert"),
+    # MiniLM's sentences have length 1, so the comparison would be one of scales.
+    _mld("minilm", with_text(pooled=True, words=0), STANDARDIZED, *_LANGUAGE, encoder="minilm"),
 )
 """Text encoders, read as one pooled vector or as words (appendix)."""
 
@@ -264,9 +287,19 @@ BASELINES_AND_TASKS = (
         task="action",
     ),
     Model("action_raw", mdm_50, (without_mirrored,), task="action"),
+    Model("action_humanact12", mld_humanact12, task="action"),
+    Model("action_uestc", mld_uestc, task="action"),
+    Model("action_mdm", mdm, (without_mirrored,), task="action"),
+    Model("unconditional_mdm", mdm, task="unconditional"),
+    Model(
+        "unconditional_no_skip",
+        changes=(with_denoiser(transformer=NO_SKIPS),),
+        task="unconditional",
+        first="mld_1",
+    ),
     *(
         Model(f"unconditional_mld_{n}", task="unconditional", first=f"mld_{n}")
-        for n in (1, 2, 5, 7)
+        for n in (1, 2, 5, 7, 10)
     ),
 )
 """Baselines, and models of action labels and of no condition (tables 1, 3 and 6)."""

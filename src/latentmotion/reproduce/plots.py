@@ -1,4 +1,4 @@
-"""Figures: training curves, time against FID, guidance, latents along the reverse process.
+"""Figures: metrics by training, time against FID, guidance, bars, latents on their way.
 
 z_T (noise) → … → z_t → … → z_0, recorded at the denoiser's calls, → two dimensions each
 """
@@ -20,7 +20,6 @@ from latentmotion.pipeline import MotionPipeline, sampler_of
 from latentmotion.reproduce.markdown import TableResult
 from latentmotion.reproduce.table import Table
 from latentmotion.storage.files import atomic_file
-from latentmotion.training.journal import read_journal
 
 SIZE = (7.0, 4.5)
 """Inches of a plot of one panel."""
@@ -31,12 +30,11 @@ GUIDANCE_METRICS = ("FID", "R@3", "MM-Dist")
 Points = Sequence[tuple[float, float]]
 
 
-def draw_figure(table: Table, folder: Path, result: TableResult, path: Path) -> bool:
+def draw_figure(table: Table, result: TableResult, path: Path) -> bool:
     """Draws the figure of a table, if it has one and its rows are measured.
 
     Args:
         table: The table.
-        folder: Folder with the runs of the VAEs.
         result: Measured rows.
         path: SVG to write.
 
@@ -49,18 +47,17 @@ def draw_figure(table: Table, folder: Path, result: TableResult, path: Path) -> 
     }
     rows = [row for row in table.rows if figures.get(row.name)]
     if table.figure == "training":
-        # The loss and the joint error of held-out clips by step.
-        keys = {"loss": ("train", "total"), "error": ("validation", "val_mm")}
-        curves: dict[str, dict[str, Points]] = {}
-        for row in rows:
-            lines = read_journal(folder / row.model / "vae")
-            curves[row.title] = {
-                name: [
-                    (line["step"], line[k]) for line in lines if line["kind"] == kind and k in line
-                ]
-                for name, (kind, k) in keys.items()
-            }
+        curves: dict[str, dict[str, list[tuple[float, float]]]] = {}
+        for row in (row for row in rows if row.share):
+            panels = curves.setdefault(row.title.partition(",")[0], {})
+            for name, value in figures[row.name].items():
+                if name in table.metrics:
+                    panels.setdefault(name, []).append((100 * (row.share or 0.0), value))
         return training_curves(path, curves)
+    if table.figure == "bars":
+        names = [n for n in ("FID", "Diversity") if any(n in figures[row.name] for row in rows)]
+        bars = {name: {row.title: figures[row.name].get(name) for row in rows} for name in names}
+        return draw_bars(path, bars)
     if table.figure == "time":
         series: dict[str, list[tuple[str, float, float]]] = {}
         for row in rows:
@@ -85,24 +82,47 @@ def draw_figure(table: Table, folder: Path, result: TableResult, path: Path) -> 
 
 
 def training_curves(path: Path, curves: Mapping[str, Mapping[str, Points]]) -> bool:
-    """Draws the loss and the joint error of held-out clips by optimizer step.
+    """Draws metrics by the share of training, one panel each.
 
     Args:
         path: SVG to write.
-        curves: For each run its `loss` and `error`, as (step, value).
+        curves: For each run its metrics, as (percent of the training, value).
 
     Returns:
         Whether there is a run to draw.
     """
-    if not curves:
+    names = list(dict.fromkeys(name for run in curves.values() for name in run))
+    if not names:
         return False
-    figure, panels = new_figure(columns=2)
-    labels = {"loss": "Training loss", "error": "Joint error of held-out clips, mm"}
-    for panel, (curve, label) in zip(panels, labels.items(), strict=True):
+    figure, panels = new_figure(columns=len(names))
+    for panel, metric in zip(panels, names, strict=True):
         for name, run in curves.items():
-            panel.plot(*zip(*run[curve], strict=True), label=name)
-        panel.set(xlabel="Optimizer step", ylabel=label)
+            panel.plot(*zip(*run[metric], strict=True), "o-", label=name)
+        panel.set(xlabel="Epochs, % of the training", ylabel=metric)
         _finish(panel)
+    return save_figure(figure, path)
+
+
+def draw_bars(path: Path, bars: Mapping[str, Mapping[str, float | None]]) -> bool:
+    """Draws a bar for each row, one panel for each metric.
+
+    Args:
+        path: SVG to write.
+        bars: For each metric the value of each row; None if it was not measured.
+
+    Returns:
+        Whether there is a metric to draw.
+    """
+    if not bars:
+        return False
+    figure, panels = new_figure(columns=len(bars))
+    for panel, (metric, rows) in zip(panels, bars.items(), strict=True):
+        measured = {name: value for name, value in rows.items() if value is not None}
+        drawn = panel.barh(list(measured), list(measured.values()))
+        panel.bar_label(drawn, fmt="%.3g", padding=3, fontsize=8)
+        panel.invert_yaxis()
+        panel.margins(x=0.15)
+        panel.set(xlabel=metric)
     return save_figure(figure, path)
 
 

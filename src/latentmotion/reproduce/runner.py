@@ -16,15 +16,16 @@ from pathlib import Path
 from typing import Any
 
 from latentmotion.condition.interface import TextEncoder
-from latentmotion.errors import InputError
+from latentmotion.errors import DataError, InputError
 from latentmotion.evaluation.candidates import Candidate, Generated, Prior, Reconstructed
 from latentmotion.evaluation.cost import cost_of, longest_of
 from latentmotion.evaluation.evaluate import build_test_set, evaluate
 from latentmotion.evaluation.evaluators.interface import Evaluator
 from latentmotion.evaluation.protocol import Protocol
-from latentmotion.evaluation.report import GROUND_TRUTH, Figure
+from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report
 from latentmotion.gpu.backend import torch_pipeline, torch_prior
 from latentmotion.model.card import read_card
+from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, load_stages
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
@@ -35,6 +36,7 @@ from latentmotion.reproduce.training_cost import training_cost
 from latentmotion.reproduce.workspace import Workspace, vae_cost
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import atomic_file, sha256
+from latentmotion.training.denoiser import frames_card
 from latentmotion.training.loop import read_progress
 from latentmotion.training.run_folder import Run, read_run
 
@@ -47,6 +49,9 @@ the time on a quiet machine."""
 
 TIMED = 3
 """Motions of a row that are timed."""
+
+BATCH = 32
+"""Motions that are made together for the time of 2,048."""
 
 
 @dataclass(frozen=True)
@@ -69,19 +74,51 @@ class TableRunner:
             InputError: A folder holds another run.
             DataError: The data cannot be used for this table.
         """
+        self.check()
         page = self.work.folder / f"{self.table.name}.md"
-        for row in counted(rows, "rows"):
-            if row.kind != "real":
-                self.row(row)
-                # After every row, so that an interrupted run leaves what it has measured.
-                self.write_page(page)
+        # The real motions are measured with every other row, and by themselves only if alone.
+        others = [row for row in rows if row.motions != "real"] or list(rows)
+        for row in counted(others, "rows"):
+            self.row(row)
+            # After every row, so that an interrupted run leaves what it has measured.
+            self.write_page(page)
         return page
+
+    @property
+    def splits(self) -> tuple[str, ...]:
+        """Splits that are measured; the last is that of most metrics."""
+        return self.table.splits or (self.protocol.split,)
+
+    def check(self) -> None:
+        """Compares the data with what the table needs, before anything is trained.
+
+        Raises:
+            DataError: They are another data set, or a split has too few usable clips.
+        """
+        table, dataset = self.table, self.work.dataset
+        sources = [source.name for source in dataset.sources]
+        if table.source and sources != [table.source]:
+            raise DataError(
+                f"{table.name} is of {table.data}; {dataset.folder} holds {', '.join(sources)}"
+            )
+        tasks = {self.work.models[row.model].task for row in table.rows if row.model}
+        for split in self.splits:
+            clips = [
+                clip
+                for clip in dataset.clips(split)
+                if ("text" not in tasks or clip.captions) and ("action" not in tasks or clip.action)
+            ]
+            if len(clips) < 2:
+                needs = {"text": "captions", "action": "a label"}
+                wanted = " and ".join(needs[task] for task in sorted(tasks) if task in needs)
+                raise DataError(
+                    f"{table.name} is measured on the split {split}: {dataset.folder} has "
+                    f"{len(clips)} clips with {wanted or 'motion'} there, expected at least 2"
+                )
 
     def row(self, row: Row) -> RowResult:
         """Trains the missing stages and measures a row, unless its figures are there."""
-        vae_alone = row.kind in ("reconstructed", "prior")
-        train = self.work.first_stage if vae_alone else self.work.both_stages
-        folder = train(row.model)
+        folder = self.trained(row)
         protocol = self._protocol(row)
         path = self.work.folder / self.table.name / f"{row.name}.json"
         key = self._key(row, folder, protocol)
@@ -90,7 +127,7 @@ class TableRunner:
             if (kept.key, kept.made) == (key, self.made):
                 return kept
         self.work.tell(f"{self.table.name}/{row.name}: measuring {folder}")
-        if row.kind == "latents":  # drawn along the reverse process, which needs no replications
+        if row.motions == "latents":  # drawn along the reverse process, which needs no replications
             figures = draw_latents(self.pipeline(row), self.work.folder / f"{self.table.name}.svg")
             about = {"made": self.made, **_weights_and_hours(folder)}
             result = RowResult(row.name, key, _plain(figures), replications=1, **about)
@@ -99,6 +136,16 @@ class TableRunner:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_json(path, result)
         return result
+
+    def trained(self, row: Row) -> Path | None:
+        """Trains the missing stages of a row; returns its model folder, None for real motions."""
+        if row.motions == "real":
+            return None
+        if row.motions in ("reconstructed", "prior"):
+            return self.work.first_stage(row.model)
+        if row.share is not None and row.share < 1:
+            return self.work.kept(row.model, row.share)
+        return self.work.both_stages(row.model)
 
     @property
     def made(self) -> dict[str, str]:
@@ -112,7 +159,7 @@ class TableRunner:
 
     def pipeline(self, row: Row) -> MotionPipeline:
         """Returns the trained model of a row, ready to generate."""
-        return torch_pipeline(self.work.both_stages(row.model), self._encoder(row))
+        return torch_pipeline(self.trained(row), self._encoder(row))
 
     def write_page(self, page: Path) -> None:
         """Writes the page of a table with all rows that are measured so far."""
@@ -120,7 +167,7 @@ class TableRunner:
         write_json(page.with_suffix(".json"), result)
         text = markdown(self.table, result, self.work.budget.says)
         plot = page.with_suffix(".svg")
-        if draw_figure(self.table, self.work.vaes or self.work.folder, result, plot):
+        if draw_figure(self.table, result, plot):
             text += f"\n![{self.table.title}]({plot.name})\n"
         with atomic_file(page) as temporary:
             temporary.write_text(text, encoding="utf-8")
@@ -132,18 +179,19 @@ class TableRunner:
         paths = {row.name: folder / f"{row.name}.json" for row in table.rows}
         kept = {name: read_json(RowResult, path) for name, path in paths.items() if path.is_file()}
         kept = {name: row for name, row in kept.items() if row.made == self.made}
-        real = next((row.name for row in table.rows if row.kind == "real"), None)
-        first = next(iter(kept.values()), None)
+        real = next((row.name for row in table.rows if row.motions == "real"), None)
+        first = next((row for name, row in kept.items() if name != real), None)
         if real and first:
             # The row of the real motions is the ground truth of the first other row.
             row = replace(first, row=real, figures=first.truth, weights="", warnings=())
-            kept = {real: row} | kept
+            kept |= {real: row}
         evaluator = self.evaluator.fingerprint[:12] if self.evaluator else "none"
         return TableResult(
             table=table.name,
             budget=work.budget.name,
             data=f"{work.dataset.folder.name} ({work.dataset.fingerprint[:12]})",
-            protocol=f"{protocol.name}, split {protocol.split}, {protocol.replications} "
+            protocol=f"{protocol.name}, split {' and '.join(self.splits)}, "
+            f"{protocol.replications} "
             f"repetitions, evaluator {evaluator}",
             rows=tuple(kept[row.name] for row in table.rows if row.name in kept),
         )
@@ -160,25 +208,35 @@ class TableRunner:
             protocol = replace(protocol, replications=min(protocol.replications, most))
         printed = "MultiModality" in self.table.metrics and not slow
         repeats = replace(protocol.repeats, texts=protocol.repeats.texts if printed else 0)
-        return replace(protocol, repeats=repeats, nearest_clip=False)
+        return replace(protocol, repeats=repeats, nearest_clip=False, split=self.splits[-1])
 
-    def _key(self, row: Row, folder: Path, protocol: Protocol) -> str:
+    def _key(self, row: Row, folder: Path | None, protocol: Protocol) -> str:
         """Hash of everything that determines the figures of a row."""
         inputs: dict[str, Any] = {
             "row": to_json(replace(row, title="", paper={})),
-            "weights": sha256(folder / WEIGHTS_FILE),
+            "weights": sha256(folder / WEIGHTS_FILE) if folder else "",
             "data": self.work.dataset.fingerprint,
             "evaluator": self.evaluator.fingerprint if self.evaluator else "",
             "protocol": to_json(protocol),
             "metrics": list(self.table.metrics),
+            "splits": list(self.splits),
         }
         text = json.dumps(inputs, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def _measured(self, row: Row, folder: Path, protocol: Protocol, key: str) -> RowResult:
+    def _measured(self, row: Row, folder: Path | None, protocol: Protocol, key: str) -> RowResult:
         candidate = self._candidate(row, folder)
-        report = evaluate(candidate, self.work.dataset, self.evaluator, protocol)
-        figures = dict(report[candidate.row])
+        report, figures, truth = self._evaluated(candidate, protocol)
+        about = {
+            "truth": _plain(truth),
+            "items": report.items[candidate.row],
+            "replications": protocol.replications,
+            "versions": dict(report.provenance.versions),
+            "notes": report.notes,
+            "made": self.made,
+        }
+        if folder is None:
+            return RowResult(row.name, key, _plain(truth), warnings=report.warnings, **about)
         if isinstance(candidate, Generated) and {*TIMES, "GFLOPs"} & set(self.table.metrics):
             figures |= self._cost(row, candidate, folder, protocol)
         model = self.work.models[row.model]
@@ -195,6 +253,10 @@ class TableRunner:
             warnings.append(f"measured {measured} times instead of {planned}")
         if changes:
             warnings.append(f"trained with {', '.join(changes)}")
+        if self.work.body is None and model.experiment().vae_objective.vertices:
+            warnings.append(
+                "stage 1 compares joints where the paper compares SMPL's vertices: no --body"
+            )
         if model.equal:
             steps = read_run(Run, folder.parent).experiment.denoiser_training.steps
             warnings.append(
@@ -210,20 +272,44 @@ class TableRunner:
             row=row.name,
             key=key,
             figures=_plain(figures),
-            truth=_plain(report[GROUND_TRUTH]),
-            items=report.items[candidate.row],
-            replications=protocol.replications,
-            versions=dict(report.provenance.versions),
-            notes=report.notes,
             warnings=tuple(warnings),
-            made=self.made,
+            **about,
             **_weights_and_hours(folder),
         )
 
-    def _candidate(self, row: Row, folder: Path) -> Candidate:
-        if row.kind == "prior":
+    def _evaluated(
+        self, candidate: Candidate, protocol: Protocol
+    ) -> tuple[Report, dict[str, Figure], dict[str, Figure]]:
+        """Returns the report of the last split, and the figures of a candidate and of the truth.
+
+        A table of several splits has the FID of each.
+        """
+        data, evaluator = self.work.dataset, self.evaluator
+        reports = {
+            split: evaluate(candidate, data, evaluator, replace(protocol, split=split))
+            for split in self.splits
+        }
+        report = reports[self.splits[-1]]
+        figures, truth = dict(report[candidate.row]), dict(report[GROUND_TRUTH])
+        for split, each in reports.items() if self.table.splits else ():
+            for name, found in ((candidate.row, figures), (GROUND_TRUTH, truth)):
+                found |= {f"FID {split}": each[name]["FID"]} if "FID" in each[name] else {}
+        return report, figures, truth
+
+    def _real_motions(self) -> Candidate:
+        """Returns the real motions as a candidate: a VAE that changes nothing."""
+        model = self.work.models[next(row.model for row in self.table.rows if row.model)]
+        experiment = self.work.budget.shrink(model.experiment())
+        latents = replace(experiment.latents, normalized=False)
+        config, card = frames_card(replace(experiment, latents=latents), self.work.dataset)
+        return Reconstructed(build(config), card)
+
+    def _candidate(self, row: Row, folder: Path | None) -> Candidate:
+        if folder is None:
+            return self._real_motions()
+        if row.motions == "prior":
             return Prior(torch_prior(folder))
-        if row.kind == "reconstructed":
+        if row.motions == "reconstructed":
             model = load_stages(folder)
             if not model.card.vae.has_weights:
                 raise InputError(f"{folder} has no VAE to rebuild motions with")
@@ -241,7 +327,13 @@ class TableRunner:
         name = next((name for name in TIMES if name in self.table.metrics), "AITS")
         cost = cost_of(folder, candidate, prompts, self._encoder(row), TIMES[name])
         assert cost.aits is not None and cost.gflops is not None
-        return {
+        latents, frames = candidate.card.latents, prompts[0].frames
+        further = {"Input numbers": Figure(latents.tokens_of(frames) * latents.width)}
+        if "Time of 2,048" in self.table.metrics:
+            start = time.perf_counter()
+            candidate.generate(prompts[:1] * BATCH, list(range(BATCH)))
+            further["Time of 2,048"] = Figure((time.perf_counter() - start) * 2048 / BATCH)
+        return further | {
             name: Figure(cost.aits),
             "GFLOPs": Figure(cost.gflops),
             "Parameters": Figure(cost.parameters["together"] / 1e6),

@@ -20,6 +20,7 @@ from pathlib import Path
 from statistics import median
 
 import torch
+from safetensors.torch import load_file
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.task import TASKS
@@ -28,6 +29,7 @@ from latentmotion.errors import InputError
 from latentmotion.evaluation.cost import parameters
 from latentmotion.evaluation.report import Figure
 from latentmotion.model.card import CARD_FILE, find_model
+from latentmotion.networks.checkpoint import load_model, load_weights, save_model
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.reproduce.budget import Budget
 from latentmotion.reproduce.models import FIRST_STAGE, MODELS, Model
@@ -35,6 +37,7 @@ from latentmotion.reproduce.training_cost import equal_steps
 from latentmotion.storage.configuration import to_json
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import Experiment, differing_keys
+from latentmotion.training.loop import kept_weights
 from latentmotion.training.run_folder import MODEL, Run, read_run
 from latentmotion.training.stages import train_denoiser, train_vae
 from latentmotion.training.task_conditions import task_conditioning, with_condition_width
@@ -74,6 +77,8 @@ class Workspace:
     """Models by name."""
     vaes: Path | None = None
     """Folder of trained VAEs, which are taken as they are; by default they are trained here."""
+    body: Path | None = None
+    """SMPL model file of the loss on vertices; without it action models compare joints instead."""
     tell: Callable[[str], None] = print
     """Receives lines of progress."""
 
@@ -95,7 +100,8 @@ class Workspace:
         folder = self.folder / name / "vae"
         if not self._is_trained(folder, experiment, FIRST_STAGE):
             self.tell(f"{folder}: training a VAE, {experiment.vae_training.steps} steps")
-            train_vae(experiment, self.dataset.folder, folder, self.context)
+            body = self.body if experiment.vae_objective.vertices else None
+            train_vae(experiment, self.dataset.folder, folder, self.context, body)
         return folder / MODEL
 
     def both_stages(self, name: str) -> Path:
@@ -127,6 +133,25 @@ class Workspace:
             train_denoiser(experiment, self.dataset.folder, vae, encoder, folder, self.context)
         return folder / MODEL
 
+    def kept(self, name: str, share: float) -> Path:
+        """Returns the model folder of a denoiser after a share of its training.
+
+        Raises:
+            InputError: A folder holds another run, or no weights of that time were kept.
+        """
+        model, percent = self.both_stages(name), round(100 * share)
+        weights, folder = kept_weights(model.parent, percent), model.parent / f"model_{percent}"
+        if not weights.is_file():
+            raise InputError(
+                f"{weights} is missing; remove {model.parent} to train it again, with "
+                "denoiser_training.keep=5"
+            )
+        if not (folder / CARD_FILE).is_file():
+            trained = load_model(model)
+            load_weights(trained.denoiser, load_file(weights), str(weights))
+            save_model(folder, trained)
+        return folder
+
     def run_folders(self, name: str) -> tuple[Path | None, Path]:
         """Returns the run folders of a model's stages; no first one if it diffuses raw frames."""
         model = self.models[name]
@@ -148,7 +173,11 @@ class Workspace:
     def _first_stage(self, name: str) -> Experiment:
         model = self.models[name]
         if self.vaes is None or model.raw:
-            return model.first_stage(self.budget, self.dataset.representation.width)
+            experiment = model.first_stage(self.budget, self.dataset.representation.width)
+            if experiment.vae_objective.vertices and self.body is None:
+                objective = replace(experiment.vae_objective, vertices=0.0, joints=1.0)
+                return replace(experiment, vae_objective=objective)
+            return experiment
         folder = self.vaes / name / "vae"
         if not (folder / MODEL / CARD_FILE).is_file():
             raise InputError(

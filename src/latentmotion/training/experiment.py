@@ -62,11 +62,18 @@ class TrainingSettings:
     """Steps between snapshots."""
     sample_every: int = 1000
     """Steps between picture strips of samples; 0 for none."""
+    keep: int = 0
+    """Number of times that the averaged weights are kept, evenly spread over the training."""
 
     def __post_init__(self) -> None:
         for name in ("steps", "batch_size", "report_every", "validate_every", "snapshot_every"):
             if getattr(self, name) < 1:
                 raise InputError(f"training with {name} {getattr(self, name)}: expected 1 or more")
+
+    def kept_percent(self, step: int) -> int | None:
+        """Returns the percentage of the training after `step` steps if the weights are kept."""
+        due = {round(self.steps * n / self.keep): 100 * n // self.keep for n in range(1, self.keep)}
+        return due.get(step)
 
     def rate(self, step: int) -> float:
         """The learning rate of step number `step`, from 0."""

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import torch
+from safetensors.torch import save_file
 from torch import nn
 from torch.nn.parallel import DistributedDataParallel
 
@@ -298,9 +299,15 @@ class Reporter(Generic[Network]):
             is_due(step, every, settings.steps)
             for every in (settings.validate_every, settings.sample_every)
         )
-        network = self._average.whole(self._context) if validates or samples else None
+        percent = settings.kept_percent(step)
+        wanted = validates or samples or percent is not None
+        network = self._average.whole(self._context) if wanted else None
         if self._journal is None or network is None:
             return
+        if percent is not None:
+            weights = {key: value.cpu() for key, value in network.state_dict().items()}
+            with atomic_file(kept_weights(self._folder, percent)) as temporary:
+                save_file(weights, temporary)
         if validates:
             self._write(step, "validation", self._stage.validate(network))
         if samples:
@@ -316,6 +323,11 @@ class Reporter(Generic[Network]):
             pace = (time.perf_counter() - self._start) / (step - self._done)
             self._journal.write(step, kind, figures)
             self._journal.show(step, kind, figures, pace)
+
+
+def kept_weights(folder: Path, percent: int) -> Path:
+    """Returns the file of the averaged weights after some percent of a run's training."""
+    return folder / f"kept-{percent:03d}.safetensors"
 
 
 def is_due(step: int, every: int, steps: int) -> bool:

@@ -33,7 +33,10 @@ from latentmotion.training.experiment import Experiment, LatentSettings, Trainin
 
 
 def actor_vae(features: int) -> config.TransformerVAEConfig:
-    """Six layers without skips or final normalization, sine positions, one latent token."""
+    """Six layers without skips or final normalization, sine positions, one latent token.
+
+    The paper says six heads, which do not divide its width of 256; the authors' code has four.
+    """
     return config.TransformerVAEConfig(
         features=features,
         tokens=1,
@@ -48,7 +51,7 @@ def constant_rate(
     validate_every: int = 5_000,
     sample_every: int = 20_000,
 ) -> TrainingSettings:
-    """Returns the settings of either stage, in steps of 64."""
+    """Returns the settings of a stage, in steps of 64."""
     return TrainingSettings(
         steps=steps,
         batch_size=64,
@@ -66,7 +69,10 @@ def constant_rate(
 
 
 def mld_humanml3d() -> Experiment:
-    """AdamW at a constant 1e-4; stage 1 runs 6,000 epochs, stage 2 runs 3,000 (steps of 64)."""
+    """AdamW at a constant 1e-4; 6,000 epochs in steps of 128, then 3,000 in steps of 64.
+
+    Stage 2 encodes fresh crops at every step, as the authors do.
+    """
     cropping = Cropping(unit=4, max_frames=196, min_frames=40)
     training = constant_rate(steps=1_100_000)
     return Experiment(
@@ -74,8 +80,8 @@ def mld_humanml3d() -> Experiment:
         vae=config.TransformerVAEConfig(),
         vae_objective=VAEObjective(),
         vae_cropping=cropping,
-        vae_training=training,
-        latents=LatentSettings(cropping, normalized=False),
+        vae_training=replace(training, batch_size=128),
+        latents=LatentSettings(cropping, per_item=0, normalized=False),
         denoiser=config.DenoiserConfig(
             latent_width=256,
             condition_width=768,
@@ -113,7 +119,7 @@ def _mld_actions(name: str, classes: int) -> Experiment:
         vae_objective=VAEObjective(joints=0.0, vertices=1.0),
         vae_cropping=cropping,
         vae_training=training,
-        latents=LatentSettings(cropping, per_item=8, normalized=False),
+        latents=LatentSettings(cropping, per_item=0, normalized=False),
         denoiser=config.DenoiserConfig(
             latent_width=256,
             condition_width=classes,
