@@ -21,9 +21,15 @@ if TYPE_CHECKING:
 
 Group = Literal[
     "latentmotion.data_sources",
+    "latentmotion.denoisers",
     "latentmotion.formats",
     "latentmotion.loggers",
+    "latentmotion.metrics",
+    "latentmotion.samplers",
+    "latentmotion.schedules",
     "latentmotion.skeletons",
+    "latentmotion.text_encoders",
+    "latentmotion.vaes",
 ]
 """Kinds of plugins."""
 

@@ -22,6 +22,8 @@ from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.parametrization import Estimate, Estimates, Estimator, Noise
 from latentmotion.diffusion.schedule import ScaledLinear, Schedule
 from latentmotion.errors import InputError
+from latentmotion.plugins import plugin_names
+from latentmotion.storage.parts import part_named
 
 Latents = Float[Any, "batch tokens width"]
 
@@ -170,14 +172,19 @@ class DPMSolver:
         return math.log(alpha / sigma)
 
 
-def sampler_named(name: SamplerName, schedule: Schedule) -> Sampler:
-    """Returns a sampler; DDPM walks the paper's schedule to its very end, as the authors' does.
+def sampler_named(name: str, schedule: Schedule) -> Sampler:
+    """Returns a sampler, of this package or of another under `latentmotion.samplers`.
+
+    DDPM walks the paper's schedule to its very end, as the authors' does.
 
     Raises:
         InputError: There is none of that name.
     """
     if name not in _SAMPLERS:
-        raise InputError(f"unknown sampler {name!r}; known are {', '.join(_SAMPLERS)}")
+        known = *_SAMPLERS, *plugin_names("latentmotion.samplers")
+        if name not in known:
+            raise InputError(f"unknown sampler {name!r}; known are {', '.join(known)}")
+        return part_named("latentmotion.samplers", name)(schedule)
     if name == "ddpm" and isinstance(schedule, ScaledLinear):
         schedule = replace(schedule, offset=0, ends_clean=True)
     return _SAMPLERS[name](schedule)

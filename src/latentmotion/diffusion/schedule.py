@@ -12,7 +12,7 @@ is a whole step of the guided teacher; its steps begin and end at timesteps of t
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
@@ -22,6 +22,7 @@ from jaxtyping import Float
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
 from latentmotion.storage.limits import MOST_STEPS
+from latentmotion.storage.parts import part_named
 
 Time = Any
 """One time as a number, or an array of one time per item of the batch (NumPy or torch)."""
@@ -170,6 +171,45 @@ class LinearPath:
         """Returns equal steps from 1 down to 0."""
         _check_steps(steps, 10_000)
         return np.linspace(1, 0, steps + 1, dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class PluginSchedule:
+    """A schedule that another package adds, under `latentmotion.schedules`."""
+
+    plugin: str
+    """Name of its entry point."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Keyword arguments of it."""
+
+    @cached_property
+    def schedule(self) -> Schedule:
+        """The schedule itself."""
+        return part_named("latentmotion.schedules", self.plugin)(**self.settings)
+
+    def alpha(self, t: Time) -> Any:
+        """Returns the weight of the signal at `t`."""
+        return self.schedule.alpha(t)
+
+    def sigma(self, t: Time) -> Any:
+        """Returns the weight of the noise at `t`."""
+        return self.schedule.sigma(t)
+
+    def velocity_coefficients(self, t: Time) -> tuple[Any, Any]:
+        """Returns the weights of signal and noise in the velocity at `t`."""
+        return self.schedule.velocity_coefficients(t)
+
+    def time_at(self, u: Any) -> Any:
+        """Returns the times at the fractions `u` of the schedule."""
+        return self.schedule.time_at(u)
+
+    def timesteps(self, steps: int) -> np.ndarray:
+        """Returns `steps` + 1 descending times."""
+        return self.schedule.timesteps(steps)
+
+
+AnySchedule = ScaledLinear | Cosine | LinearPath | PluginSchedule
+"""Every schedule that a card or an experiment can name."""
 
 
 def _signal(beta: np.ndarray) -> np.ndarray:

@@ -49,6 +49,7 @@ from latentmotion.evaluation.protocol import (
     TestSet,
 )
 from latentmotion.evaluation.report import GROUND_TRUTH, UNITS, Figure, Report, provenance_of
+from latentmotion.plugins import plugins
 from latentmotion.progress import counted
 from latentmotion.storage.address import Folder
 from latentmotion.storage.configuration import to_json
@@ -204,6 +205,7 @@ class Comparison:
         real, scores = self._real  # the same motions, but for their captions
         if real is not None and self.cache is not None:
             real = replace(real, texts=self.cache.texts(replication.prompts))
+        scores = scores | self._further(features, features)
         if self._measures_nearest(replication):
             scores = scores | self.positions.nearest(features)
         if real is not None:
@@ -272,6 +274,7 @@ class Comparison:
         protocol, number = self.protocol, replication.number
         motions = candidate(replication, protocol)
         scores = dict(self.positions.quality(motions))
+        scores |= self._further(motions, replication.features)
         if not candidate.reconstructs and self._measures_nearest(replication):
             scores |= self.positions.nearest(motions)
         if candidate.reconstructs:
@@ -288,6 +291,15 @@ class Comparison:
             figure = caption_multimodality(candidate, replication, self.cache, protocol)
             scores["MultiModality"] = figure
         return scores
+
+    def _further(self, motions: Motions, real: Motions) -> Scores:
+        """Returns the metrics that other packages add."""
+        added = plugins("latentmotion.metrics").values()
+        return {
+            name: float(value)
+            for metric in added
+            for name, value in metric(motions, real, self.dataset.representation).items()
+        }
 
     def _embed(
         self, cache: EmbeddingCache, motions: Motions, replication: Replication, row: str

@@ -28,6 +28,8 @@ from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder, local_encoder
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import MAX_BATCH_SIZE, MotionPipeline
+from latentmotion.plugins import plugin_names
+from latentmotion.storage.parts import part_named
 from latentmotion.text.encoder import load_text_encoder
 from latentmotion.text.lengths import LengthFile
 
@@ -184,10 +186,14 @@ def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
 def text_encoder_named(name: str) -> TextEncoder:
     """Loads a text encoder by the name or folder of its model, or by its kind (`clip:FOLDER`).
 
+    Other packages add kinds (`latentmotion.text_encoders`): functions of what follows the colon.
+
     Raises:
         ModelError: There is none, or it cannot be loaded.
     """
     kind, _, source = name.partition(":")
     if kind in KINDS:
         return PretrainedTextEncoder.load(kind, source or None)
+    if kind in plugin_names("latentmotion.text_encoders"):
+        return part_named("latentmotion.text_encoders", kind)(source)
     return load_text_encoder(find_model(name))

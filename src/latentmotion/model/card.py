@@ -24,7 +24,7 @@ from latentmotion.diffusion.parametrization import (
     Sample,
     Velocity,
 )
-from latentmotion.diffusion.schedule import Cosine, LinearPath, ScaledLinear
+from latentmotion.diffusion.schedule import AnySchedule
 from latentmotion.errors import InputError, MissingExtraError, ModelError, hint
 from latentmotion.model.config import DenoiserConfig, LatentSpace, Sampling, VAEConfig
 from latentmotion.storage import limits
@@ -100,7 +100,7 @@ class ModelCard:
     """Standard deviation of each feature."""
     latents: LatentSpace
     """Shape and scale of the latents."""
-    schedule: ScaledLinear | Cosine | LinearPath
+    schedule: AnySchedule
     """Noise schedule."""
     parametrization: Epsilon | Sample | Velocity
     """Quantity that the denoiser predicts."""

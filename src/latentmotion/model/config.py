@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
 
 from latentmotion.diffusion.guidance import GuidanceRule
 from latentmotion.diffusion.samplers import SamplerName
@@ -163,6 +163,9 @@ class DenoiserConfig:
     """Whether the number of real latent tokens is an input of the network."""
     attends_to_padding: bool = False
     """Whether attention sees padded latents, a quirk of the authors' diffusion on raw frames."""
+    plugin: str = ""
+    """Entry point under `latentmotion.denoisers`, a function from this configuration to a network;
+    empty for `DenoiserNetwork`."""
     few_step: FewStepConfig | None = None
     """Step counts of a distilled model, which has guidance and step size as inputs; null for any
     other."""
@@ -180,8 +183,8 @@ class Sampling:
     """Sampling steps."""
     guidance: float = 7.5
     """Guidance scale (paper eq. 6)."""
-    sampler: SamplerName = "ddim"
-    """Rule of a sampling step."""
+    sampler: str = "ddim"
+    """Rule of a sampling step, of this package or of another."""
     guidance_rule: GuidanceRule = "classifier_free"
     """Kind of guidance; a distilled model learned it from its teacher."""
 
@@ -467,5 +470,36 @@ class IdentityVAEConfig(MotionVAEConfig):
         return self
 
 
-VAEConfig = TransformerVAEConfig | ConvolutionalVAEConfig | VPoserTConfig | IdentityVAEConfig
+@dataclass(frozen=True)
+class PluginVAEConfig(MotionVAEConfig):
+    """A VAE that another package adds, under `latentmotion.vaes`."""
+
+    plugin: str
+    """Name of its entry point, which is called with `features` and the settings."""
+    features: int = 263
+    """Numbers per frame."""
+    space: LatentSpace = field(default_factory=lambda: LatentSpace(256, tokens=1))
+    """Shape of its latents."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Further keyword arguments."""
+
+    def __post_init__(self) -> None:
+        check_range("vae.features", self.features, limits.MOST_WIDTH)
+
+    def latent_space(self) -> LatentSpace:
+        """Returns the shape that the configuration states."""
+        return self.space
+
+    def scaled(self, width: int, layers: Mapping[int, int]) -> PluginVAEConfig:
+        """Returns itself: its sizes are settings of its own."""
+        return self
+
+
+VAEConfig = (
+    TransformerVAEConfig
+    | ConvolutionalVAEConfig
+    | VPoserTConfig
+    | IdentityVAEConfig
+    | PluginVAEConfig
+)
 """Every kind of VAE that a card or an experiment can name."""

@@ -19,6 +19,7 @@ from latentmotion.model.config import (
     ConvolutionalVAEConfig,
     DenoiserConfig,
     IdentityVAEConfig,
+    PluginVAEConfig,
     TransformerVAEConfig,
     VAEConfig,
     VPoserTConfig,
@@ -28,6 +29,7 @@ from latentmotion.networks.vae.baselines import IdentityVAE, VPoserT
 from latentmotion.networks.vae.convolutional import ConvolutionalVAE
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.networks.vae.transformer import TransformerVAE
+from latentmotion.storage.parts import part_named
 
 
 @overload
@@ -50,7 +52,12 @@ def build(config: DenoiserConfig | VAEConfig) -> DenoiserNetwork | MotionVAE:
     """
     match config:
         case DenoiserConfig():
+            if config.plugin:
+                return part_named("latentmotion.denoisers", config.plugin)(config)
             return DenoiserNetwork.of(config)
+        case PluginVAEConfig():
+            vae = part_named("latentmotion.vaes", config.plugin)
+            return vae(features=config.features, **config.settings)
         case TransformerVAEConfig():
             return TransformerVAE.of(config)
         case ConvolutionalVAEConfig():

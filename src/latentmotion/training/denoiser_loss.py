@@ -27,8 +27,7 @@ from latentmotion.diffusion.parametrization import (
     add_noise,
 )
 from latentmotion.diffusion.schedule import (
-    Cosine,
-    LinearPath,
+    AnySchedule,
     ScaledLinear,
     Schedule,
     StepCondition,
@@ -41,7 +40,7 @@ from latentmotion.networks.vae.interface import mean_of_real
 class DenoiserObjective:
     """Objective of the denoiser; the defaults are the paper's."""
 
-    schedule: ScaledLinear | Cosine | LinearPath = field(default_factory=ScaledLinear)
+    schedule: AnySchedule = field(default_factory=ScaledLinear)
     """Noise schedule."""
     parametrization: Epsilon | Sample | Velocity = field(default_factory=Epsilon)
     """Prediction of the network."""
