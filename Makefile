@@ -20,6 +20,11 @@ CORE = cleanup condition control diffusion engine formats kinematics language me
 core:
 	$(PYTHON) -m pytest -n auto --dist loadfile $(CORE:%=tests/%)
 
+# One table that anyone can check: trained and measured from the data in the repository, an hour or two
+# of one core. The same command again resumes it.
+table:
+	latentmotion experiment run pack --data data/starter.pack --budget small --evaluator scorer -o table
+
 lint:
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/ruff check .
@@ -31,4 +36,4 @@ docs:
 	$(VENV)/bin/pip install $(PIP_FLAGS) -e ".[docs]"
 	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/python -m mkdocs build --strict --quiet
 
-.PHONY: run test core lint docs
+.PHONY: run test core table lint docs

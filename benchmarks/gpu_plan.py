@@ -3,8 +3,10 @@
     PYTHONPATH=src python -m benchmarks.gpu_plan OUT --data data/starter.pack --minutes 30
     PYTHONPATH=src python -m benchmarks.gpu_plan /tmp/try --data SMALL --device cpu --quick
 
-Steps are commands of their own: speed of generation and training with rooflines, MLD at full size,
-the shipped family larger and longer, its student, the instruction benchmark, tables of the paper.
+Steps are commands of their own, for an H100 or H200 alike: speed of generation and training with
+rooflines; the long run of the starter's denoiser at two widths, with draws by rarity, its student
+and the instruction benchmark; MLD at full size; rows of the paper's tables, those of noise against
+clean latents first. Without an NVIDIA GPU it refuses to begin, unless a CPU is asked for.
 A step ends with its share of the minutes; what it has written stays. OUT/plan.jsonl gets a line for
 every step that ended, OUT/NAME.log what it printed. The same command again resumes: steps that
 ended well are skipped, a training continues from its snapshot. How many steps a training takes is
@@ -20,12 +22,18 @@ import re
 import signal
 import subprocess
 import sys
+import tarfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import torch
+
 from latentmotion.storage.files import atomic_file
+
+MOST_BYTES = 60 << 20
+"""Bytes of the archive of results, which is what comes back from a borrowed machine."""
 
 GRACE = 20.0
 """Seconds between the request to stop and the end of a command."""
@@ -58,53 +66,77 @@ def plan(folder: Path, data: Path, device: str, quick: bool) -> list[Step]:
     """
     on = ("--device", device)
     generation = ("benchmarks.generation.gpu", *on, *(("--quick",) if quick else ()))
-    batch = {"mld": 4, "family": 4} if quick else {"mld": 128, "family": 256}
-    wide = 32 if quick else 384
 
-    def train(stage: str, family: str, *words: str) -> tuple[str, ...]:
+    def train(stage: str, name: str, batch: int, *words: str) -> tuple[str, ...]:
         prefix = f"{stage}_training"
-        settings = [f"{prefix}.batch_size={batch[family]}", f"{prefix}.snapshot_every=200"]
+        settings = [f"{prefix}.batch_size={4 if quick else batch}", f"{prefix}.snapshot_every=200"]
         if not quick:
             settings.append(f"{prefix}.precision=bfloat16")
-        output = ("-o", str(folder / f"{family}_{stage}"), "--data", str(data), *on)
         flags = [flag for setting in settings for flag in ("--set", setting)]
+        output = ("-o", str(folder / name), "--data", str(data), *on)
         return ("latentmotion", "train", stage, *output, *flags, *words)
 
-    def denoiser(family: str, *words: str) -> tuple[str, ...]:
-        first = ("--vae", str(folder / f"{family}_vae"), "--text-encoder", "starter")
-        return train("denoiser", family, *first, "--set", "denoiser.condition_width=384", *words)
+    def denoiser(name: str, vae: str, *words: str) -> tuple[str, ...]:
+        return train("denoiser", name, 256, "--vae", vae, "--text-encoder", "starter", *words)
+
+    def on_starter(width: int) -> tuple[str, ...]:
+        sizes = {"width": width, "hidden": 3 * width}
+        settings = [f"denoiser.transformer.{key}={value}" for key, value in sizes.items()]
+        rare = ("--set", "draws.power=0.5")
+        flags = [flag for setting in settings for flag in ("--set", setting)]
+        return denoiser(f"starter_{width}", "starter", "--preset", "starter", *rare, *flags)
 
     mld = ("--preset", "mld_humanml3d")
-    family = ("--preset", "starter", "--set", f"vae.width={wide}")
-    larger = (
-        *("--preset", "starter", "--set", f"denoiser.transformer.width={wide}"),
-        *("--set", f"denoiser.transformer.hidden={3 * wide}"),
-    )
-    student = folder / "student"
-    distill = ("--teacher", str(folder / "family_denoiser" / "model"), "--data", str(data))
+    narrow, wide = (32, 48) if quick else (256, 512)
+    teacher = folder / f"starter_{wide}" / "model"
     few = ("--set", "objective.trajectories=64") if quick else ()
+    distill = ("--teacher", str(teacher), "--data", str(data), *few, *on)
+    student = str(folder / "student")
     evaluated = ("--instructions", "--output", str(folder / "instructions"), *on)
-    tables = ("--data", str(data), "--budget", "small", "-o", str(folder / "tables"), *on)
-    fewer = ("--set", "vae_training.steps=2", "--set", "vae_training.batch_size=4")
+    sizes = ["vae_training.steps=2", "vae_training.batch_size=4", "denoiser_training.steps=2"]
+    tiny = [word for size in sizes for word in ("--set", size)] if quick else ()
+    few_rows = ("--replications", "1") if quick else ()
+
+    def table(name: str, *rows: str) -> tuple[str, ...]:
+        words = ("--data", str(data), "--budget", "small", "--evaluator", "scorer")
+        output = ("-o", str(folder / "tables"), *on)
+        chosen = ("--rows", *rows) if rows else ()
+        return (
+            "latentmotion",
+            "experiment",
+            "run",
+            name,
+            *words,
+            *output,
+            *tiny,
+            *few_rows,
+            *chosen,
+        )
+
+    epsilon = ("epsilon", "epsilon_standardized", "epsilon_min_snr", "velocity_standardized", "z0")
     steps = [
-        Step("generation", (*generation, "starter", "fast", "-o", f"{folder}/generation"), 0.2),
-        Step("training", (*generation, "--training", "-o", f"{folder}/training"), 0.06),
-        Step("mld_vae", train("vae", "mld", *mld), 0.16, "vae_training"),
-        Step("mld_denoiser", denoiser("mld", *mld), 0.1, "denoiser_training"),
-        Step("family_vae", train("vae", "family", *family), 0.14, "vae_training"),
-        Step("family_denoiser", denoiser("family", *larger), 0.16, "denoiser_training"),
+        Step("generation", (*generation, "starter", "fast", "-o", f"{folder}/generation"), 0.14),
+        Step("training", (*generation, "--training", "-o", f"{folder}/training"), 0.04),
+        Step(f"starter_{narrow}", on_starter(narrow), 0.16, "denoiser_training"),
+        Step(f"starter_{wide}", on_starter(wide), 0.2, "denoiser_training"),
         Step(
             "student",
-            ("latentmotion", "train", "distill", *distill, "-o", str(student), *few, *on),
-            0.06,
+            ("latentmotion", "train", "distill", *distill, "-o", student),
+            0.05,
             "training",
         ),
-        Step("instructions", ("latentmotion", "evaluate", f"{student}/model", *evaluated), 0.04),
+        Step("instructions", ("latentmotion", "evaluate", f"{student}/model", *evaluated), 0.03),
+        Step("mld_vae", train("vae", "mld_vae", 128, *mld), 0.14, "vae_training"),
         Step(
-            "tables",
-            ("latentmotion", "experiment", "run", "vae", *tables, *(fewer if quick else ())),
-            0.08,
+            "mld_denoiser",
+            denoiser("mld_denoiser", str(folder / "mld_vae"), *mld),
+            0.1,
+            "denoiser_training",
         ),
+        Step("epsilon", table("prediction", *epsilon), 0.06),
+        Step("table_1", table("pack"), 0.04),
+        Step("table_4", table("vae"), 0.02),
+        Step("table_5", table("denoiser"), 0.02),
     ]
     return [replace(step, trial=4) for step in steps] if quick else steps
 
@@ -163,6 +195,22 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
             continue
 
 
+def keep_results(folder: Path) -> None:
+    """Writes FOLDER/results.tar: all that fits, reports and final models before anything else.
+
+    Snapshots, latents and embeddings stay where they are: they can be made again.
+    """
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    small = [path for path in files if path.suffix in (".json", ".jsonl", ".md", ".svg", ".log")]
+    models = [path for path in files if path.name in ("weights.safetensors", "model.json")]
+    left = MOST_BYTES
+    with tarfile.open(folder / "results.tar", "w") as archive:
+        for path in dict.fromkeys((*small, *models)):
+            if path.stat().st_size < left:
+                left -= path.stat().st_size + 1024
+                archive.add(path, path.relative_to(folder))
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the steps that have not ended well yet."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -173,6 +221,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--quick", action="store_true", help="tiny, to try the plan")
     parser.add_argument("--only", nargs="*", help="names of some of the steps")
     options = parser.parse_args(arguments)
+    if options.device.startswith("cuda") and not torch.cuda.is_available():
+        parser.error("no NVIDIA GPU here; to try the plan on a CPU: --device cpu --quick")
+    if options.device.startswith("cuda"):
+        print(
+            f"{torch.cuda.get_device_name()}, {MOST_BYTES >> 20} MiB of results at most", flush=True
+        )
     steps = plan(options.folder, options.data, options.device, options.quick)
     names = [step.name for step in steps]
     if odd := set(options.only or ()) - set(names):
@@ -190,6 +244,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with journal.open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
         print(f"{step.name}: status {status}, {row['seconds']:.0f} s", flush=True)
+    keep_results(options.folder)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tarfile
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,7 @@ def test_a_second_call_repeats_what_did_not_end_well(
         Step("endless", ("http.server", "0", "--bind", "127.0.0.1"), 1e-3),
     ]
     monkeypatch.setattr(gpu_plan, "plan", lambda *settings: steps)
-    words = [str(tmp_path), "--data", "none"]
+    words = [str(tmp_path), "--data", "none", "--device", "cpu"]
     gpu_plan.main(words)
     first = statuses(tmp_path)
     assert [name for name, _ in first] == ["good", "bad", "endless"]
@@ -63,3 +64,27 @@ def test_the_commands_of_the_plan_are_understood(
                 main(step.words[1:])
             error = capsys.readouterr().err
             assert "no_data" in error or str(tmp_path) in error, step.name
+
+
+def test_it_refuses_to_begin_without_a_gpu(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    with pytest.raises(SystemExit):
+        gpu_plan.main([str(tmp_path / "out"), "--data", "none"])
+    assert "no NVIDIA GPU here; to try the plan on a CPU" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_results_that_come_back_are_reports_and_models_up_to_a_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gpu_plan, "MOST_BYTES", 20_000)
+    sizes = {"run/report.json": 100, "run/model/weights.safetensors": 9_000, "run/snapshot.pt": 50}
+    sizes["run/other/weights.safetensors"] = 30_000
+    for name, size in sizes.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(b"0" * size)
+    gpu_plan.keep_results(tmp_path)
+    with tarfile.open(tmp_path / "results.tar") as archive:
+        assert archive.getnames() == ["run/report.json", "run/model/weights.safetensors"]

@@ -286,16 +286,17 @@ def test_a_second_stage_needs_a_trained_vae(figures: Path, vae_run: Path, tmp_pa
         start(unfinished)
 
 
-def test_parts_that_do_not_fit_are_named(figures: Path, vae_run: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="latent_width and the VAE's: 5 and 4"):
-        train_denoiser(
-            small(**{"denoiser.latent_width": 5}),
-            figures,
-            vae_run,
-            LetterCount(),
-            tmp_path,
-            CONTEXT,
-        )
+def test_widths_are_those_of_the_vae_and_the_text_encoder(
+    figures: Path, vae_run: Path, tmp_path: Path
+) -> None:
+    widths = {"denoiser.latent_width": 5, "denoiser.condition_width": 9}
+    experiment = small(**widths, **{"denoiser_training.steps": 1})
+    folder = train_denoiser(experiment, figures, vae_run, LetterCount(), tmp_path / "run", CONTEXT)
+    denoiser = load_model(folder).card.trained_denoiser
+    assert (denoiser.latent_width, denoiser.condition_width) == (4, 6)
+
+
+def test_parts_that_do_not_fit_are_named(figures: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"vae.features=263"):
         train_vae(small(**{"vae.features": 251}), figures, tmp_path / "run", CONTEXT)
 

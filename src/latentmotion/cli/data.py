@@ -32,7 +32,11 @@ from latentmotion.data.sources.own import OwnMotions
 from latentmotion.data.store import MANIFEST
 from latentmotion.errors import InputError, hint
 from latentmotion.plugins import plugin, plugin_names
-from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
+from latentmotion.representation.humanml3d import (
+    HANDS_FEATURES,
+    HUMANML3D_FEATURES,
+    KIT_FEATURES,
+)
 from latentmotion.representation.interface import Representation, representation_named
 from latentmotion.representation.smpl import SMPL_FEATURES
 from latentmotion.storage import shards
@@ -256,6 +260,9 @@ class PrepareOwn(options.ReadingOptions):
     name: SourceName = "own"
     license: License = "unknown"
     credit: Credit = ""
+    hands: bool = False
+    """Keep fingers of AMASS's SMPL-H and SMPL-X files as 30 joints more than the body's 22; other
+    files are left out."""
     generated: bool = False
     """Also take `.npz` files of motions that a model generated; else they are left out."""
     shard: Shard = None
@@ -272,12 +279,15 @@ class PrepareOwn(options.ReadingOptions):
             val=self.val,
             test=self.test,
             generated=self.generated,
+            hands=self.hands,
         )
         if self.draft_map:
             _draft(motions, self.draft_map)
             return
         settings = _settings_of(motions, self.captions, self)
-        _Files(self.output, source, motions.groups, settings).prepare(self.shard, self.dask)
+        representation = HANDS_FEATURES if self.hands else HUMANML3D_FEATURES
+        files = _Files(self.output, source, motions.groups, settings, representation)
+        files.prepare(self.shard, self.dask)
 
 
 @dataclass(frozen=True)
@@ -289,8 +299,8 @@ class PreparePlugin:
     folder: options.Folder
     """What it reads."""
     output: options.PreparedOutput
-    representation: Literal["humanml3d", "smpl"] = "humanml3d"
-    """Features of the motions: HumanML3D's 263 or SMPL's 150."""
+    representation: Literal["humanml3d", "hands", "smpl"] = "humanml3d"
+    """Features of the motions: HumanML3D's 263, 623 of a body with hands, or SMPL's 150."""
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
@@ -535,6 +545,10 @@ def _prepare_official(
     print(f"wrote {output}")
 
 
+_CHOICES = ("val", "test", "labelled", "generated", "hands")
+"""Choices of how motion files are read that decide what comes of them."""
+
+
 def _settings_of(
     motions: OwnMotions, captions: Path | None, reading: options.ReadingOptions
 ) -> Any:
@@ -544,7 +558,7 @@ def _settings_of(
         "captions": captions and sha256(captions),
         "map": [sha256(path) for path in reading.map],
         **{name: getattr(reading, name) for name in ("fps", "unit", "up")},
-        **{name: getattr(motions, name) for name in ("val", "test", "labelled", "generated")},
+        **{name: getattr(motions, name) for name in _CHOICES},
     }
 
 

@@ -175,6 +175,38 @@ HUMANML3D = Skeleton(
 )
 """The 22 body joints of SMPL as HumanML3D orders them."""
 
+_FINGERS = ("index", "middle", "pinky", "ring", "thumb")
+"""Fingers in the order of SMPL-H, three joints each."""
+
+_FINGER_NAMES = tuple(f"{finger}{n}" for finger in _FINGERS for n in (1, 2, 3))
+_FINGER_LENGTHS = [0.1, 0.035, 0.025]
+
+HANDS_DIRECTIONS = [
+    *HUMANML3D_DIRECTIONS,
+    *((_AHEAD if name.startswith("thumb") else _DOWN) for name in _FINGER_NAMES * 2),
+]
+"""Bone directions from which rotations of a body with fingers are measured."""
+
+HANDS = Skeleton(
+    name="hands",
+    names=(
+        *HUMANML3D.names,
+        *(f"{side}_{name}" for side in ("left", "right") for name in _FINGER_NAMES),
+    ),
+    parents=(
+        *HUMANML3D.parents,
+        *(
+            wrist if n % 3 == 0 else len(HUMANML3D.names) + 15 * hand + n - 1
+            for hand, wrist in enumerate((20, 21))
+            for n in range(15)
+        ),
+    ),
+    offsets=_from_lengths(HANDS_DIRECTIONS, [*HUMANML3D_LENGTHS, *_FINGER_LENGTHS * 10]),
+    left_foot=(7, 10),
+    right_foot=(8, 11),
+)
+"""HumanML3D's body with the 30 finger joints of SMPL-H; lengths of fingers are round figures."""
+
 KIT_DIRECTIONS = [
     *((0, 0, 0), _UP, _UP, _UP, _UP, _LEFT, _DOWN, _DOWN, _RIGHT, _DOWN, _DOWN),
     *(_LEFT, _DOWN, _DOWN, _AHEAD, _AHEAD, _RIGHT, _DOWN, _DOWN, _AHEAD, _AHEAD),

@@ -1,4 +1,4 @@
-"""HumanML3D's features: 263 numbers a frame with 22 joints, 251 with KIT's 21.
+"""HumanML3D's features: 263 numbers a frame with 22 joints, 251 with KIT's 21, 623 with hands.
 
     yaw_velocity   1         half the turn of the body from this frame to the next, radians
     root_velocity  2         the root's step to the next frame in that frame's heading, x and z
@@ -210,6 +210,17 @@ HUMANML3D_FEATURES = HumanML3DRepresentation(
     still=0.002,
 )
 """The 263 features of HumanML3D, meters."""
+
+HANDS_FEATURES = HumanML3DRepresentation(
+    name="hands",
+    skeleton=skeleton.HANDS,
+    fps=20.0,
+    directions=np.array(skeleton.HANDS_DIRECTIONS, dtype=np.float64),
+    chain_starts=(1, 2, 3, 13, 14),
+    leg=(5, 8),
+    still=0.002,
+)
+"""The same features of 52 joints, SMPL-H's body and fingers: 623 numbers, meters."""
 
 KIT_FEATURES = HumanML3DRepresentation(
     name="kit",

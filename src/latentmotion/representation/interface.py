@@ -91,11 +91,16 @@ def representation_named(name: str) -> Representation:
     Raises:
         InputError: There is none of that name.
     """
-    from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
+    from latentmotion.representation.humanml3d import (
+        HANDS_FEATURES,
+        HUMANML3D_FEATURES,
+        KIT_FEATURES,
+    )
     from latentmotion.representation.smpl import SMPL_FEATURES
 
     representations = {
-        each.name: each for each in (HUMANML3D_FEATURES, KIT_FEATURES, SMPL_FEATURES)
+        each.name: each
+        for each in (HUMANML3D_FEATURES, HANDS_FEATURES, KIT_FEATURES, SMPL_FEATURES)
     }
     if name in representations:
         return representations[name]

@@ -143,10 +143,8 @@ def train_denoiser(
     dataset = Dataset.load(data)
     first = load_first_stage(vae) if vae else frames_as_first_stage(experiment, dataset)
     conditioning = task_conditioning(experiment, dataset, encoder)
-    experiment, training = (
-        with_condition_width(experiment, conditioning),
-        experiment.denoiser_training,
-    )
+    experiment = with_condition_width(experiment, conditioning)
+    experiment, training = with_latent_width(experiment, first), experiment.denoiser_training
     check_fit(experiment, dataset, first, conditioning)
     parents = {"vae": first.fingerprint, **conditioning.task.parents}
     before = load_start(start, experiment, first) if start else None
@@ -336,6 +334,18 @@ def frames_as_first_stage(experiment: Experiment, dataset: Dataset) -> FirstStag
     """
     config, card = second_stage.frames_card(experiment, dataset)
     return FirstStage(build(config), card, "none")
+
+
+def with_latent_width(experiment: Experiment, first: FirstStage) -> Experiment:
+    """Returns the experiment with a denoiser of the VAE's latents.
+
+    Without projections its transformer is as wide as they are.
+    """
+    denoiser = replace(experiment.denoiser, latent_width=first.vae.latent_width)
+    if not denoiser.project_latents:
+        transformer = replace(denoiser.transformer, width=first.vae.latent_width)
+        denoiser = replace(denoiser, transformer=transformer)
+    return replace(experiment, denoiser=denoiser)
 
 
 def check_fit(

@@ -57,12 +57,7 @@ def task_conditioning(
 
 
 def with_condition_width(experiment: Experiment, conditioning: TaskConditioning) -> Experiment:
-    """Returns the experiment with a denoiser as wide as its labels are many.
-
-    The width of sentences is the experiment's own: a text encoder must fit it.
-    """
-    if conditioning.task.reads_text:
-        return experiment
+    """Returns the experiment with the width of its labels, or of its text encoder."""
     return replace(
         experiment, denoiser=replace(experiment.denoiser, condition_width=conditioning.width)
     )

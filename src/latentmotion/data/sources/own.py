@@ -51,6 +51,7 @@ from latentmotion.data.recording import (
     files_below,
     in_groups,
 )
+from latentmotion.data.sources import smpl_hands
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.formats import fbx
 from latentmotion.formats.takes import SkeletonTake
@@ -97,6 +98,8 @@ class OwnMotions:
     """Fraction of the files that goes to the test split, unless the CSV says otherwise."""
     labelled: bool = False
     """Whether the name of a file's folder is its action."""
+    hands: bool = False
+    """Whether fingers are kept as further joints; files without their poses are left out then."""
     generated: bool = True
     """Whether NPZ files of motions that a model generated count, too."""
 
@@ -146,10 +149,13 @@ class OwnMotions:
         for name, path in counted(paths.items(), "motion files"):
             try:
                 entry = listed.get(name) or self._annotations_beside(path)
-                takes = self._takes(path)
+                fingers = smpl_hands.hand_poses(path)
+                takes = self._takes(path) if not self.hands else self._with_hands(path, fingers)
             except (FileFormatError, DataError, InputError) as error:
                 yield Dropped(name, "clip", str(error))
                 continue
+            if fingers is not None and not self.hands:
+                yield Dropped(name, "part", "the poses of its fingers; --hands keeps them")
             action = entry.action
             # By hash, so that more files never move a file to another split.
             draw = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") / 2**32
@@ -201,6 +207,14 @@ class OwnMotions:
         if not labels:
             raise DataError("lies in no folder whose name is its action")
         return _Annotations(list(sentences), split, labels[-1])
+
+    def _with_hands(
+        self, path: Path, fingers: Float[np.ndarray, "frames 30 3"] | None
+    ) -> list[Float[np.ndarray, "frames joints 3"]]:
+        if fingers is None:
+            raise FileFormatError(path, "has no poses of fingers, expected AMASS's SMPL-H or -X")
+        joints, fps = smpl_hands.joints_with_hands(path, fingers)
+        return [at_rate(joints, FPS, fps)]
 
     def _takes(self, path: Path) -> list[Float[np.ndarray, "frames joints 3"]]:
         """Reads HumanML3D's joints of each animation, without a T-pose that was put before it."""
