@@ -1,10 +1,10 @@
 """The paper's tables and figures (Chen et al., CVPR 2023), which are data: `tables.json`.
 
-A row names its model and how it is sampled; beside it stand the paper's figures. Null is a figure
-that the paper has and that no source at hand states; what is left out is not in the paper. Sources:
-the authors' `MLD_Arxiv.pdf` (in the history of their repository, commit f9ca628; its tables 7 to 10
-are 7, 8, 11 and 12 of the published version), docs/reference/mld.md for FLOPs, and public reading
-notes of the published version for tables 9 and 10.
+A row names its model and how it is sampled. Beside it stand the paper's figures, in the order in
+which the table names them: null if the paper has one that no source at hand states, empty if it has none.
+Sources: the authors' `MLD_Arxiv.pdf` (in the history of their repository, commit f9ca628; its tables
+7 to 10 are 7, 8, 11 and 12 of the published version), docs/reference/mld.md for FLOPs, and public
+reading notes of the published version for tables 9 and 10.
 
 Units: joint errors in mm, acceleration in mm per frame², FLOPs in 10⁹ as the authors count them
 (twice THOP's multiply-adds at 40 frames, text encoder included).
@@ -80,9 +80,13 @@ class Table:
 
 
 def _tables() -> dict[str, Table]:
-    path = Path(__file__).with_name("tables.json")
-    data = json.loads(path.read_text(encoding="utf-8"))
-    return {table.name: table for table in (from_json(Table, each) for each in data)}
+    tables = json.loads(Path(__file__).with_name("tables.json").read_text(encoding="utf-8"))
+    for table in tables:
+        names = table.pop("paper", ())
+        for row in table["rows"]:
+            figures = zip(names, row.get("paper", ()), strict="paper" in row)
+            row["paper"] = {name: value for name, value in figures if value != ""}
+    return {table.name: table for table in (from_json(Table, each) for each in tables)}
 
 
 TABLES = _tables()
