@@ -61,6 +61,19 @@ def test_the_total_is_the_weighted_sum() -> None:
     assert torch.allclose(parts["total"], torch.as_tensor(total))
 
 
+def test_the_papers_squared_error_is_an_option() -> None:
+    output, true = torch.zeros(1, 2, 3), torch.tensor([[[3.0, 0, 0], [0, 0, 0]]])
+    mask = torch.ones(1, 2, dtype=torch.bool)
+    joints_of = lambda x: x[:, :, None]  # noqa: E731
+    found = [
+        feature_losses(output, true, mask, joints_of, 20.0, VAEObjective(squared=squared))[
+            "features"
+        ]
+        for squared in (True, False)
+    ]
+    assert found == [pytest.approx(9 / 6), pytest.approx(2.5 / 6)]
+
+
 def test_only_feet_that_stand_and_bones_that_change_cost() -> None:
     """A body that is moved as a whole slides with its feet, and keeps the lengths of its bones."""
     skeleton = HUMANML3D_FEATURES.skeleton

@@ -169,6 +169,8 @@ class VAEObjective:
 
     features: float = 1.0
     """Weight of the distance of normalized features."""
+    squared: bool = False
+    """Whether that distance is the squared error, as the paper states, or the authors' smooth L1."""
     joints: float = 1.0
     """Weight of the distance of joints in the world, meters."""
     velocity: float = 0.0
@@ -257,7 +259,12 @@ def feature_losses(
         velocities[1] - velocities[1][:, :, :1]
     )
     losses = {
-        "features": mean(_distance(output, true, 1.0), mask),
+        "features": mean(
+            F.mse_loss(output, true, reduction="none")
+            if objective.squared
+            else _distance(output, true, 1.0),
+            mask,
+        ),
         "joints": mean(_distance(*joints, huber_delta), mask),
         "velocity": mean(_distance(*velocities, huber_delta * fps), mask[:, 1:]),
         "limbs": mean(limb_error**2, mask[:, 1:]),
