@@ -22,6 +22,7 @@ from latentmotion.data.store import (
     write_dataset,
 )
 from latentmotion.errors import DataError
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.interface import Normalizer, Representation
 from latentmotion.storage.configuration import write_json
 from latentmotion.storage.files import atomic_file
@@ -47,7 +48,7 @@ def encode(recording: Recording, representation: Representation) -> EncodedRecor
     if len(joints) < MIN_FRAMES:
         reason: str | None = f"{len(joints)} frames, fewer than {MIN_FRAMES}"
     else:
-        reason = find_glitch(joints, representation.fps)
+        reason = find_glitch(joints[:, : len(HUMANML3D)], representation.fps)
     if reason:
         return Dropped(recording.label.id, "clip", reason)
     joints = representation.retarget(joints)

@@ -209,7 +209,7 @@ class OwnMotions:
         return _Annotations(list(sentences), split, labels[-1])
 
     def _with_hands(
-        self, path: Path, fingers: Float[np.ndarray, "frames 30 3"] | None
+        self, path: Path, fingers: Float[np.ndarray, "_ 30 3"] | None
     ) -> list[Float[np.ndarray, "frames joints 3"]]:
         if fingers is None:
             raise FileFormatError(path, "has no poses of fingers, expected AMASS's SMPL-H or -X")
@@ -255,10 +255,11 @@ def _without_glitches(recording: Recording) -> Iterator[Recording | Dropped]:
     One in which nothing is left is yielded whole, to be dropped with the reason.
     """
     joints, label = recording.joints, recording.label
-    reason = find_glitch(joints, FPS) if len(joints) >= MIN_FRAMES else None
-    clean = clean_spans(joints, FPS) if reason else []
+    body = joints[:, : len(HUMANML3D)]  # fingers, where there are any, come after it
+    reason = find_glitch(body, FPS) if len(joints) >= MIN_FRAMES else None
+    clean = clean_spans(body, FPS) if reason else []
     spans = [span for span in clean if span[1] - span[0] >= MIN_FRAMES]
-    spans = [span for span in spans if not held_t_pose(joints[slice(*span)]).all()] or spans
+    spans = [span for span in spans if not held_t_pose(body[slice(*span)]).all()] or spans
     if reason is None or not spans:
         yield recording
         return

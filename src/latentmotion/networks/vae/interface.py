@@ -170,7 +170,7 @@ class VAEObjective:
     features: float = 1.0
     """Weight of the distance of normalized features."""
     squared: bool = False
-    """Whether that distance is the squared error, as the paper states, or the authors' smooth L1."""
+    """Whether that is the squared error, as the paper states, or the authors' smooth L1."""
     joints: float = 1.0
     """Weight of the distance of joints in the world, meters."""
     velocity: float = 0.0
