@@ -28,6 +28,9 @@ class Standardization(nn.Module):
         width: Numbers per word.
     """
 
+    mean: Tensor
+    scale: Tensor
+
     def __init__(self, width: int) -> None:
         super().__init__()
         self.register_buffer("mean", torch.zeros(width))

@@ -127,7 +127,8 @@ class TableRunner:
             if (kept.key, kept.made) == (key, self.made):
                 return kept
         self.work.tell(f"{self.table.name}/{row.name}: measuring {folder}")
-        if row.motions == "latents":  # drawn along the reverse process, which needs no replications
+        # Latents are drawn along the reverse process, which needs no replications.
+        if folder is not None and row.motions == "latents":
             figures = draw_latents(self.pipeline(row), self.work.folder / f"{self.table.name}.svg")
             about = {"made": self.made, **_weights_and_hours(folder)}
             result = RowResult(row.name, key, _plain(figures), replications=1, **about)
@@ -159,7 +160,9 @@ class TableRunner:
 
     def pipeline(self, row: Row) -> MotionPipeline:
         """Returns the trained model of a row, ready to generate."""
-        return torch_pipeline(self.trained(row), self._encoder(row))
+        folder = self.trained(row)
+        assert folder is not None, "real motions have no model"
+        return torch_pipeline(folder, self._encoder(row))
 
     def write_page(self, page: Path) -> None:
         """Writes the page of a table with all rows that are measured so far."""
