@@ -170,7 +170,7 @@ def _off(motions: Sequence[Motion], goals: Sequence[Sequence[Reach]]) -> np.ndar
     found = []
     for motion, own in zip(motions, goals, strict=True):
         targets = targets_of(own, len(motion), motion.fps, motion.skeleton, None)
-        found.append(100 * float(distances(motion.joints, targets).mean()))
+        found.append(100 * float(distances(motion.joints, targets, motion.skeleton).mean()))
     return np.array(found)
 
 

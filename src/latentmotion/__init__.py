@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from latentmotion.control.edit import generate_edited as generate_edited
     from latentmotion.control.fit_keypoints import fit_motion as fit_motion
     from latentmotion.control.goals import Heading as Heading
+    from latentmotion.control.goals import LookAt as LookAt
     from latentmotion.control.goals import Pose as Pose
     from latentmotion.control.goals import Reach as Reach
     from latentmotion.control.goals import RootPath as RootPath
@@ -51,6 +52,7 @@ _HOMES = {
     "generate_stream": "control.stream",
     "generate_timeline": "control.timeline",
     "Heading": "control.goals",
+    "LookAt": "control.goals",
     "RootPath": "control.goals",
     "Pose": "control.goals",
     "Reach": "control.goals",
@@ -72,6 +74,7 @@ __all__ = [
     "Dataset",
     "Heading",
     "LatentMotionError",
+    "LookAt",
     "Motion",
     "MotionPipeline",
     "Pose",

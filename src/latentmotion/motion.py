@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from latentmotion.kinematics.standing import Stated
 
 
-_OF_FRAMES = ("goals", "spans", "foot_sliding", "turn", "count")
+_OF_FRAMES = ("goals", "spans", "foot_sliding", "turn", "count", "loop")
 """Metadata that hold for a motion's frames as they were generated."""
 
 
@@ -176,15 +176,21 @@ class Motion:
         metadata = {name: it for name, it in self.metadata.items() if name not in _OF_FRAMES}
         return replace(self, joints=joints, caption=caption, metadata=metadata)
 
-    def cleaned(self, steps: Any = None, corrections: Corrections = NO_CORRECTIONS) -> Motion:
+    def cleaned(
+        self,
+        steps: Any = None,
+        corrections: Corrections = NO_CORRECTIONS,
+        in_place: bool = False,
+    ) -> Motion:
         """Returns the motion with still feet, constant bones and less jitter.
 
         Args:
             steps: A `latentmotion.cleanup.CleanUp`; by default all steps that do not move the
                 motion as a whole.
             corrections: Degrees and repetitions that are made exact.
+            in_place: Whether the path along the floor is taken away, too.
         """
-        return registered("motion.cleaned")(self, steps, corrections)
+        return registered("motion.cleaned")(self, steps, corrections, in_place)
 
     def save(self, path: str | Path, fps: float | None = None) -> list[Path]:
         """Writes a file in the format of the ending of `path`; returns the files written.

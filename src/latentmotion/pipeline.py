@@ -15,16 +15,16 @@ action label or nothing.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.cleanup import USUAL, CleanUp, clean_batch
+from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
 from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
 from latentmotion.condition.task import SentenceCondition
 from latentmotion.corrections import NO_CORRECTIONS, Corrections
@@ -71,7 +71,7 @@ from latentmotion.text.encoder import LazyTextEncoder, UnknownWordsWarning
 from latentmotion.text.lengths import LengthFile
 
 if TYPE_CHECKING:
-    from latentmotion.control.goals import Goal, Reach
+    from latentmotion.control.goals import Directed, Goal
     from latentmotion.ranking.best import Take
     from latentmotion.ranking.scorer import Scorer
     from latentmotion.retrieval.index import ClipIndex
@@ -80,6 +80,11 @@ if TYPE_CHECKING:
 MAX_BATCH_SIZE = 32
 """Maximum number of motions that go through the networks at once, which bounds memory."""
 
+
+Item = TypeVar("Item")
+
+_MOST_TAKES = 12
+"""Takes after which goals that none meets are refused."""
 
 _OF_GOALS = ("goals", "foot_sliding")
 """Metadata of a motion with goals (`control.direct.goal_report`)."""
@@ -93,8 +98,8 @@ class RawMotion:
     """The motion."""
     corrections: Corrections = NO_CORRECTIONS
     """Degrees and repetitions that its sentence names."""
-    goals: tuple[Reach, ...] = ()
-    """Places at which its joints are put in the end."""
+    goals: tuple[Directed, ...] = ()
+    """Goals at which its joints are put in the end."""
     start: ClipStart | None = None
     """What it starts from; None for pure noise."""
     reading: Reading | None = None
@@ -285,12 +290,12 @@ class MotionPipeline(PickledByFields):
             guidance: How strongly the prompt steers (paper eq. 6). By default the model's own.
             sampler: `ddim` (the same as `euler`), `heun`, `dpm++`, or `ddpm` for fresh noise at
                 every step. By default the model's own.
-            goals: Where joints should be and when, which way the body faces, the path it takes:
-                `Reach`, `Heading`, `Path`, `Pose`. The joints of a cleaned motion are exactly
-                there.
+            goals: Where joints should be and when, which way body and head face, the path it takes:
+                `Reach`, `Heading`, `LookAt`, `RootPath`, `Pose`. The joints of a cleaned motion are
+                exactly there.
             from_clips: Whether a rare movement starts from the nearest clip of the training data
-                (`retrieval/starts.py`), of several takes every other one; motions with goals never
-                do.
+                (`retrieval/starts.py`), of several takes every other one; with goals, whether takes
+                do that are made because the first ones did not meet them.
             takes: Takes of which the best is returned; its metadata tell the scores of all. By
                 default 4 of a sentence if the model samples in few steps, otherwise 1.
             clean_up: Steps of the clean-up; None for the motion as the networks make it.
@@ -299,7 +304,8 @@ class MotionPipeline(PickledByFields):
 
         Raises:
             InputError: The prompt is not of the model's kind, an argument is unknown, or a number
-                is none or out of range; or no person could meet a goal.
+                is none or out of range; no person could meet a goal, or no take of twelve meets it
+                as a person would.
             ModelError: There are goals, but the model has no `pullback.onnx`.
         """
         from latentmotion.ranking.best import best_of, usual_takes
@@ -320,8 +326,56 @@ class MotionPipeline(PickledByFields):
         settings = (steps, guidance, sampler, goals, from_clips, clean_up)
         if of != 1:
             return best_of(self.ranked(prompt, of, length, seed, *settings, scorer))
-        raw = self.raw_motions([prompt], length, [seed], *settings[:3], from_clips, goals)
-        return cleaned_up(raw, clean_up)[0] if clean_up else raw[0].motion
+
+        def take(seeds: Sequence[int], from_clips: bool | Sequence[bool]) -> Motion:
+            raw = self.raw_motions([prompt], length, seeds, *settings[:3], from_clips, goals)
+            return cleaned_up(raw, clean_up)[0] if clean_up else raw[0].motion
+
+        if not goals or clean_up is None or clean_up.in_place:
+            return take([seed], from_clips)
+        return self._meeting(
+            lambda number: [take([seed + number], from_clips and number % 2 == 1)],
+            lambda motion: motion,
+            _MOST_TAKES,
+        )
+
+    def _meeting(
+        self,
+        takes: Callable[[int], Iterable[Item]],
+        motion: Callable[[Item], Motion],
+        rounds: int,
+    ) -> Item:
+        """Returns the first take that meets its goals and moves as people do.
+
+        Args:
+            takes: Takes of a round, by its number, the best first.
+            motion: The motion of a take, cleaned up and at its goals.
+            rounds: Number of rounds.
+
+        Raises:
+            InputError: None does; the message names the goal.
+        """
+        from latentmotion.control.direct import unmet
+
+        problem, count = None, 0
+        with warnings.catch_warnings(record=True) as notes:
+            warnings.simplefilter("always")
+            for take in (take for number in range(rounds) for take in takes(number)):
+                wrong = unmet(motion(take))
+                if wrong is None:
+                    break
+                problem, count = problem or wrong, count + 1
+                # Of takes that are not kept nobody needs to know how they were cleaned up.
+                notes[:] = [one for one in notes if not isinstance(one.message, CleanUpWarning)]
+            else:
+                raise InputError(
+                    f"none of {count} takes meets the goals as a person would; in the first one "
+                    f"{problem}. Set that goal nearer or later, give the motion more time, or say "
+                    "in the sentence what it needs, such as turning around"
+                )
+        for text, note in {str(one.message): one.message for one in notes}.items():
+            warnings.warn(note if isinstance(note, Warning) else text, stacklevel=3)
+        return take
 
     def ranked(
         self,
@@ -359,30 +413,47 @@ class MotionPipeline(PickledByFields):
         from latentmotion.ranking import best
 
         best.check_sentence(self.card, prompt, takes)
-        every_other = [from_clips and number % 2 == 0 for number in range(takes)]
-        raw = self.raw_motions(
-            [prompt] * takes,
-            seconds,
-            range(seed, seed + takes),
-            *(steps, guidance, sampler, every_other, goals),
+        compared = scorer or best.scorer_beside(self.condition)
+
+        def ranked(number: int) -> tuple[list[RawMotion], list[Take]]:
+            every_other = [from_clips and take % 2 == 0 for take in range(takes)]
+            raw = self.raw_motions(
+                [prompt] * takes,
+                seconds,
+                range(seed + number * takes, seed + (number + 1) * takes),
+                *(steps, guidance, sampler, every_other if number or not goals else False, goals),
+            )
+            return raw, best.ranked(
+                [one.motion for one in raw],
+                (raw[0].reading or self.read(prompt)).prompt,
+                compared,
+                clean_up,
+                [one.corrections for one in raw],
+                [one.start.advantage if one.start and not goals else 0.0 for one in raw],
+            )
+
+        def finished(raw: Sequence[RawMotion], take: Take) -> Take:
+            assert clean_up is not None
+            chosen = next(one for one in raw if one.motion is take.motion)
+            if take.cleaned is None or clean_up.in_place:  # claims are measured on the path
+                (cleaned,) = cleaned_up([chosen], clean_up)
+            else:
+                cleaned = _at_goals(take.cleaned, chosen, clean_up)
+            return replace(take, cleaned=cleaned)
+
+        if not goals or clean_up is None or clean_up.in_place:
+            raw, every = ranked(0)
+            return [finished(raw, every[0]), *every[1:]] if clean_up else every
+
+        def rounds(number: int) -> Iterator[tuple[Take, list[Take]]]:
+            raw, every = ranked(number)
+            for take in every:
+                yield finished(raw, take), [other for other in every if other is not take]
+
+        best_take, others = self._meeting(
+            rounds, lambda pair: pair[0].cleaned or pair[0].motion, max(1, _MOST_TAKES // takes)
         )
-        ranked = best.ranked(
-            [one.motion for one in raw],
-            (raw[0].reading or self.read(prompt)).prompt,
-            scorer or best.scorer_beside(self.condition),
-            clean_up,
-            [one.corrections for one in raw],
-            [one.start.advantage if one.start else 0.0 for one in raw],
-        )
-        if clean_up is None:
-            return ranked
-        first = ranked[0]
-        chosen = next(one for one in raw if one.motion is first.motion)
-        if first.cleaned is None or clean_up.in_place:  # claims are measured on the path
-            (cleaned,) = cleaned_up([chosen], clean_up)
-        else:
-            cleaned = _at_goals(first.cleaned, chosen, clean_up)
-        return [replace(first, cleaned=cleaned), *ranked[1:]]
+        return [best_take, *others]
 
     def batch(
         self,
@@ -445,9 +516,10 @@ class MotionPipeline(PickledByFields):
         requests.check_prompts(self.card, prompts)
         if goals:
             lengths = requests.each(seconds, len(prompts))
+            wanted = [from_clips] * len(prompts) if isinstance(from_clips, bool) else from_clips
             return [
                 self._directed(*one, sampling, goals)
-                for one in zip(prompts, lengths, seeds, strict=True)
+                for one in zip(prompts, lengths, seeds, wanted, strict=True)
             ]
         readings = {prompt: self.read(prompt) for prompt in dict.fromkeys(prompts)}
         for note in dict.fromkeys(note for one in readings.values() for note in one.notes()):
@@ -488,19 +560,31 @@ class MotionPipeline(PickledByFields):
         prompt: str,
         seconds: float | None,
         seed: int,
+        from_clip: bool,
         sampling: Sampling,
         goals: Sequence[Goal],
     ) -> RawMotion:
-        """Returns a motion whose sampling is directed to goals."""
+        """Returns a motion whose sampling is directed to goals, from a near clip if wanted."""
         from latentmotion.control.direct import generate_directed
+        from latentmotion.control.goals import RootPath
+        from latentmotion.control.path import path_seconds
 
-        usual = self.usual_seconds([prompt]) if seconds is None else None
         fps = self.representation.fps
+        if seconds is None:
+            ends = [path_seconds(goal) for goal in goals if isinstance(goal, RootPath)]
+            seconds = next((end + 1 / fps for end in ends if end is not None), None)
+        usual = self.usual_seconds([prompt]) if seconds is None else None
         (frames,) = requests.frames_of(self.card, seconds, 1, fps, usual)
         request = GenerationRequest((prompt,), (frames,), (seed,), sampling)
         request.check(self.card, fps)
+        start, clips = None, self.clip_starts if from_clip and sampling.steps > 1 else None
+        if clips is not None:
+            start = clips.nearest_start(self.read(prompt), frames, seed)
+            request = replace(request, starts=(start.start,))
         motion, places = generate_directed(self, request, goals)
-        return RawMotion(motion, goals=places)
+        if start is not None:
+            motion = replace(motion, metadata={**motion.metadata, **start.about()})
+        return RawMotion(motion, goals=places, start=start)
 
     def read(self, prompt: str) -> Reading:
         """Returns a prompt as the model reads it: corrected, and with what it does not know of it.

@@ -13,7 +13,9 @@ from latentmotion.control.goals import (
     Pose,
     Reach,
     RootPath,
+    TargetResidual,
     check_path,
+    instants,
     targets_of,
 )
 from latentmotion.errors import InputError
@@ -34,7 +36,12 @@ def test_goals_become_coordinates_in_frames() -> None:
 
 
 REFUSED: list[tuple[Sequence[Goal], str]] = [
-    ([Reach("right_hand", 1, (0, 1, 0))], "right_hand.*right_"),
+    ([Reach("right_palm", 1, (0, 1, 0))], "right_palm.*right_"),
+    ([Reach("head", 2, (0, 1.5, 0), 1)], "end after its beginning"),
+    ([Reach("head", 2, (0, 1.5, 0), 9)], "lasts from 0"),
+    ([Reach("head", 1, (0, 1.5, 0), 3), Reach("head", 2, (0, 1.4, 0))], "two goals for head"),
+    ([Reach("right_hand", 1, (0, 1, 2), 2, "left_hand")], "2.24 m from left_hand: the bones"),
+    ([Heading(1, 0, 2), Heading(1.5, 5)], "two headings"),
     ([Reach("head", 4.2, (0, 1, 0))], "lasts from 0 to 3.95 s"),
     ([Reach("head", -1, (0, 1, 0))], "lasts from 0"),
     ([Reach("head", 1, (0, 3.4, 0))], "m high"),
@@ -47,6 +54,28 @@ REFUSED: list[tuple[Sequence[Goal], str]] = [
     ([Reach("pelvis", 3, (0, None, 4)), Reach("pelvis", 3.2, (0, None, -2))], "apart"),
     ([Pose(1, Motion(walker(5).joints()), 5)], "its motion has 5"),
 ]
+
+
+def test_a_goal_that_holds_is_a_target_of_each_frame() -> None:
+    goals = [Reach("right_hand", 1, (0.3, 1, 1), 1.5), Heading(2, 90, 2.2)]
+    targets = targets_of(goals, 80, 20.0, HUMANML3D)
+    assert targets.frames.tolist() == list(range(20, 31))
+    assert targets.turned.tolist() == [40, 41, 42, 43, 44]
+    assert [goal.at for goal in instants(goals, 80, 20.0, 3)] == [1, 1.25, 1.5, 2, 2.1, 2.2]
+
+
+def test_derivatives_of_hands_and_of_places_beside_a_joint() -> None:
+    joints, draw = walker(5).joints().astype(float), np.random.default_rng(0)
+    goals = [Reach("right_hand", 0.1, (0.3, None, 1)), Heading(0.15, 20)]
+    goals += [Reach("left_wrist", 0.1, (0.2, 0.1, 0.3), None, "spine3")]
+    residual = TargetResidual(targets_of(goals, 5, 20.0, HUMANML3D, None), HUMANML3D)
+    step = 1e-5 * draw.normal(size=joints.shape)
+    step -= step.mean(axis=1, keepdims=True)  # of the arms alone, not of the body's direction
+    step[:, :16] = step[:, 18:20] = 0  # the forearm keeps its direction
+    change = residual(joints) - residual(joints + step)
+    expected = np.einsum("rtjc,tjc->r", residual.gradient(joints), step)
+    assert np.abs(change[:5] - expected[:5]).max() < 0.35 * np.abs(expected[:5]).max()
+    assert np.abs(change[2:5] - expected[2:5]).max() < 1e-9
 
 
 @pytest.mark.parametrize(("goals", "reason"), REFUSED)
@@ -66,6 +95,9 @@ def test_goals_that_nobody_meets_are_refused(goals: Sequence[Goal], reason: str)
         (RootPath([(0, 0), (0, 1), (0, 2)], [0, 2, 1]), "ascend"),
         (RootPath([(0, 0), (0, 1)], [0, 1, 2]), "3 times for 2"),
         (RootPath([(0, 0), (0, 1)], [0, 9]), "lasts from 0"),
+        (RootPath([(0, 0), (0, 1)], [0, 1], 1.0), "either times or a pace"),
+        (RootPath([(0, 0), (0, 1)], pace=[1.0, 1.0, 1.0]), "3 paces for 2"),
+        (RootPath([(0, 0), (0, 1)], pace=0.0), "above 0"),
     ],
 )
 def test_paths_that_nobody_walks_are_refused(path: RootPath, reason: str) -> None:

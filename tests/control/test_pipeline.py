@@ -14,6 +14,7 @@ from latentmotion.cli.main import main
 from latentmotion.control.direct import goal_report
 from latentmotion.control.edit import generate_between, generate_edited
 from latentmotion.errors import InputError, ModelError
+from latentmotion.representation.canonical import turn
 from tests.support.walker import walker
 
 
@@ -27,13 +28,30 @@ def test_goals_are_met_exactly_in_the_cleaned_motion(generate: MotionPipeline) -
     near = [Reach("right_wrist", 1.0, tuple((free[20, 21] + 0.02).tolist()))]
     near += [Reach("pelvis", 1.6, (float(free[32, 0, 0]), None, float(free[32, 0, 2]) + 0.05))]
     (raw,) = generate.raw_motions(["1"], 2.0, [3], goals=[*near, Heading(1.6, 5)])
-    assert raw.goals == tuple(near)
+    assert raw.goals == (*near, Heading(1.6, 5))
     # The decoder is untrained, so that a few updates leave more than those of real ones.
-    assert max(goal["before"] for goal in raw.motion.metadata["goals"]) < 0.1
+    assert max(goal["before"] for goal in raw.motion.metadata["goals"][:2]) < 0.1
     cleaned = generate("1", 2.0, 3, goals=[*near, Heading(1.6, 5)])
     assert max(goal["after"] for goal in cleaned.metadata["goals"]) < 1e-3
     assert goal_report(near, raw.motion, cleaned)["goals"][0]["after"] < 1e-3
     assert (generate("1", 2.0, 3, clean_up=None).joints == free).all()
+
+
+def test_what_nobody_could_do_is_refused_and_the_goal_named() -> None:
+    pipeline = MotionPipeline.from_pretrained("fast", "onnxruntime", 1)
+    goals = [Reach("pelvis", 0.5, (0, None, 0.1)), Reach("right_wrist", 1.5, (-0.2, 1.0, -3.5))]
+    with pytest.raises(InputError, match=r"of 12 takes .*right_wrist at 1.5 s was \d+ cm away"):
+        pipeline("a person walks forward", 2.0, 0, goals=goals)
+
+
+def test_a_pose_at_the_start_says_where_the_motion_starts() -> None:
+    pipeline = MotionPipeline.from_pretrained("fast", "onnxruntime", 1)
+    free = pipeline("a person walks forward", 2.0, 3, takes=1).joints[:1]
+    there = turn(free.astype(float), np.array(0.7)) + np.array([3, 0, -2])
+    made = pipeline("a person walks", 2.0, 3, goals=[Pose(0, Motion(there))], takes=1)
+    (goal,) = made.metadata["goals"]
+    assert goal["pose"] == 0 and goal["before"] < 0.15 and goal["after"] < 1e-4
+    assert np.abs(made.joints[0] - there[0]).max() < 1e-4
 
 
 def test_a_path_is_taken(generate: MotionPipeline) -> None:

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.control.goals import Heading, Pose, Reach, RootPath
+from latentmotion.control.goals import Heading, LookAt, Pose, Reach, RootPath
 from latentmotion.control.scene import (
     SCHEMA_FILE,
     Scene,
     parse_heading,
+    parse_look,
     parse_path,
     parse_reach,
     read_scene,
@@ -32,15 +33,17 @@ def test_a_scene_becomes_goals(tmp_path: Path) -> None:
         "format": 1,
         "prompt": "a person walks",
         "path": {"points": [[0, 0], [0, 2]], "at": [0, 3]},
-        "goals": [{"joint": "head", "at": 1, "to": [0, None, 1.5]}],
+        "goals": [{"joint": "head", "at": 1, "to": [0, None, 1.5], "until": 2}],
         "headings": [{"at": 3, "degrees": 10}],
+        "looks": [{"at": 1, "to": [0, 1, 2]}],
         "poses": [{"at": 0, "file": "stand.npz", "frame": -1}],
     }
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(content), encoding="utf-8")
-    path, head, turned, pose = read_scene(file).all_goals(tmp_path)
+    path, head, turned, look, pose = read_scene(file).all_goals(tmp_path)
     assert path == RootPath(((0.0, 0.0), (0.0, 2.0)), (0.0, 3.0))
-    assert head == Reach("head", 1.0, (0.0, None, 1.5))
+    assert head == Reach("head", 1.0, (0.0, None, 1.5), 2.0)
+    assert look == LookAt(1.0, (0.0, 1.0, 2.0))
     assert turned == Heading(3.0, 10.0)
     assert isinstance(pose, Pose)
     assert (pose.frame, len(pose.motion)) == (-1, 3)
@@ -69,6 +72,11 @@ def test_goals_as_the_command_line_has_them() -> None:
     assert parse_path("0,0@0 0,2@2") == RootPath([(0.0, 0.0), (0.0, 2.0)], [0.0, 2.0])
     assert parse_path("0,0 0,2") == RootPath([(0.0, 0.0), (0.0, 2.0)])
     assert parse_heading("90@2") == Heading(2.0, 90.0)
+    assert parse_heading("-90@2-3.5") == Heading(2.0, -90.0, 3.5)
+    held = Reach("right_hand", 0.5, (-0.4, 0.0, None), 4.0, "left_hand")
+    assert parse_reach("right_hand@.5-4=left_hand:-.4,0,_") == held
+    assert parse_look("2,1.6,-2@1-3") == LookAt(1.0, (2.0, 1.6, -2.0), 3.0)
+    assert parse_path("0,0 0,2", (1.2,)) == RootPath([(0.0, 0.0), (0.0, 2.0)], None, (1.2,))
 
 
 @pytest.mark.parametrize("text", ["right_wrist", "head@1=1,2", "head@x=1,2,3", "head@1=1,a,3"])

@@ -86,6 +86,23 @@ def test_pieces_go_on_where_the_last_ended() -> None:
     assert np.allclose(np.concatenate([first, second]), whole)
 
 
+def test_a_loop_stays_one_when_it_is_cleaned_up() -> None:
+    pipeline = MotionPipeline.from_pretrained("fast", "onnxruntime", 1)
+    loop = generate_loop(pipeline, "a person walks forward", 2.4, 1)
+    assert len(loop) == 49 and loop.metadata["loop"] is True
+    for motion in (loop, loop.cleaned(), loop.cleaned(in_place=True), loop.cleaned().resampled(30)):
+        angle, step = turn_of(motion)
+        assert abs(angle) < 1e-3
+        np.testing.assert_allclose(motion.joints[-1], motion.joints[0] + step, atol=2e-4)
+        bends = np.linalg.norm(np.diff(unrolled(motion, 1, 1).joints, n=2, axis=0), axis=-1)
+        count = len(motion) - 1
+        seam = bends[count - 2 : count + 1].max()
+        assert seam <= 1.01 * bends[count + 1 : 2 * count - 2].max()
+    assert np.abs(turn_of(loop.cleaned(in_place=True))[1]).max() < 1e-4
+    assert np.linalg.norm(turn_of(loop)[1]) > 1
+    assert "loop" not in loop.cut(0, 1).metadata
+
+
 def test_a_loop_is_followed_by_itself() -> None:
     config = ConvolutionalVAEConfig(width=16, channels=6, decoder=QuarterRateDecoder())
     motion, z = decoders(config), np.random.default_rng(0).standard_normal((12, 6))

@@ -141,7 +141,6 @@ def test_a_recipe_of_a_take_may_be_sent_again(studio: Called) -> None:
         ({"timeline": SPANS, "loop": True}, "a timeline and a loop; expected one of them"),
         ({**WALK, "timeline_parts": [PART]}, "timeline_parts needs a timeline"),
         ({"timeline": SPANS, "best_of": 2}, "a timeline takes no goals"),
-        ({"prompt": "a walk", "loop": True}, "give seconds"),
         ({**KINDS["edit"], "seconds": 2}, "as long as the part"),
         ({**WALK, "goals": [{"joint": "hand", "at": 1, "to": [0, 1, 0]}]}, "hand"),
         ({**KINDS["edit"], "edit": {"take": "A", "between": [0, 1], "parts": ["tail"]}}, "tail"),

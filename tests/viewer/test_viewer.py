@@ -243,7 +243,7 @@ def test_every_take_of_many_stands_in_the_picture(tmp_path):
 def asked() -> Motion:
     wrist = {"joint": "right_wrist", "at": 1.0, "to": [-0.3, None, 1.2]}
     path = [{"joint": "pelvis", "at": at, "to": [0.0, None, at]} for at in (0.5, 1.5)]
-    pose = [{"joint": name, "at": 0.75, "to": [0, 1, 0]} for name in HUMANML3D.names]
+    pose = [{"pose": 0, "at": 0.75, "before": 0.1, "after": 0.0}]
     spans = [{"prompt": HOSTILE, "start": 0, "end": 1}, {"prompt": "turns", "start": 1, "end": 2}]
     spans.append({"prompt": "waves", "part": "arms", "start": 0.5, "end": 2})
     return replace(walking(), metadata={"goals": [wrist, *path, *pose], "spans": spans})

@@ -15,6 +15,7 @@ from latentmotion.cleanup.counting import exact_count
 from latentmotion.cleanup.floor import Floor, align_floor
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
+from latentmotion.cleanup.loops import is_loop, rolled_up, turns_beside, unrolled
 from latentmotion.cleanup.smoothing import gaussian, smooth
 from latentmotion.cleanup.turning import exact_turns
 from latentmotion.corrections import NO_CORRECTIONS, Corrections
@@ -84,20 +85,26 @@ USUAL = CleanUp()
 
 
 def clean(
-    motion: Motion, steps: CleanUp | None = None, corrections: Corrections = NO_CORRECTIONS
+    motion: Motion,
+    steps: CleanUp | None = None,
+    corrections: Corrections = NO_CORRECTIONS,
+    in_place: bool = False,
 ) -> Motion:
     """Returns the motion cleaned up, as long as it was, unless a count is corrected.
 
     Args:
-        motion: The motion.
+        motion: The motion; of a loop (`cleanup/loops.py`) the ends still meet afterwards.
         steps: The clean-up steps; by default all that do not move the motion as a whole.
         corrections: What its sentence says exactly.
+        in_place: Whether root motion along the floor is removed, too.
 
     Warns:
         CleanUpWarning: The skeleton has no feet to lock, so only the other steps are taken; or bone
             lengths were so wrong that joints had to move far.
     """
-    return clean_batch([motion], steps or USUAL, [corrections])[0]
+    steps = steps or USUAL
+    steps = replace(steps, in_place=steps.in_place or in_place)
+    return clean_batch([motion], steps, [corrections])[0]
 
 
 def clean_batch(
@@ -116,6 +123,14 @@ def clean_batch(
         CleanUpWarning: As `clean` does.
     """
     corrections = [NO_CORRECTIONS] * len(motions) if corrections is None else corrections
+    if any(map(is_loop, motions)):
+        # A turn is cleaned up between others; a count or a turn of a sentence is not a cycle's.
+        beside = [turns_beside(motion) if is_loop(motion) else 0 for motion in motions]
+        whole = [unrolled(m, n, n) if n else m for m, n in zip(motions, beside, strict=True)]
+        exact = [NO_CORRECTIONS if n else c for n, c in zip(beside, corrections, strict=True)]
+        cleaned = clean_batch(whole, steps, exact)
+        every = zip(cleaned, motions, beside, strict=True)
+        return [rolled_up(after, before) if n else after for after, before, n in every]
     cleaned = _clean_alike(motions, steps, corrections)
     moving = replace(steps, in_place=False)  # repetitions are counted on the path
     recorded = [motion.recorded for motion in motions]

@@ -67,11 +67,17 @@ class Directing:
 
     reach: options.Goals = ()
     """Goals of joints: JOINT@SECONDS=X,Y,Z in meters, e.g. right_wrist@2.5=.3,1.4,2.1; _ leaves a
-    coordinate free. A motion starts at 0,0 and faces +z; y is up."""
+    coordinate free. A motion starts at 0,0 and faces +z; y is up. right_hand@2-4=… holds from 2 to
+    4 s (hand is the palm; also fingertips); right_hand@0-4=left_hand:-.4,0,0 counts from a joint:
+    x to the body's left, z ahead."""
     heading: options.Goals = ()
-    """Directions that the body faces: DEGREES@SECONDS; 0 is +z, 90 is +x."""
+    """Directions that the body faces: DEGREES@SECONDS or DEGREES@START-END; 0 is +z, 90 is +x."""
+    look_at: options.Goals = ()
+    """Points that the eyes look at: X,Y,Z@SECONDS or X,Y,Z@START-END; the head turns."""
     path: str | None = None
     """Path of the pelvis: points X,Z@SECONDS with spaces between, or X,Z without times."""
+    pace: tuple[float, ...] = ()
+    """Meters per second along a path without times: one number, or one for each point."""
     scene: Path | None = None
     """JSON file with a prompt and goals, or with a timeline."""
     timeline: options.Goals = ()
@@ -80,6 +86,9 @@ class Directing:
     timeline_part: options.Goals = ()
     """What a part of the body does during the timeline: PART@START-END=PROMPT in seconds, e.g.
     "right_arm@1-3=a person waves the right hand"; parts are those of `edit --parts`."""
+    loop: bool = False
+    """Make seamless cycles: the last frame is the first, farther along a straight path; --in-place
+    takes the path away."""
 
     def read_scene(self) -> Scene | None:
         """Returns the scene of the file, if one is named."""
@@ -92,12 +101,15 @@ class Directing:
     def goals(self, scene: Scene | None) -> list[Goal]:
         """Returns the goals of the options and of the scene."""
         goals = scene.all_goals(self.scene.parent) if scene and self.scene else []
-        if not (self.reach or self.heading or self.path is not None):
+        if self.pace and self.path is None:
+            raise InputError("--pace is that of a path; give its points: --path")
+        if not (self.reach or self.heading or self.look_at or self.path is not None):
             return goals
-        from latentmotion.control.scene import parse_heading, parse_path, parse_reach
+        from latentmotion.control.scene import parse_heading, parse_look, parse_path, parse_reach
 
         goals += [*map(parse_reach, self.reach), *map(parse_heading, self.heading)]
-        return goals + ([parse_path(self.path)] if self.path is not None else [])
+        goals += map(parse_look, self.look_at)
+        return goals + ([parse_path(self.path, self.pace)] if self.path is not None else [])
 
 
 @dataclass(frozen=True)
@@ -265,6 +277,8 @@ class Generate:
             raise InputError(
                 "--timeline has the prompts: leave prompts, --file, --prior, --scene out"
             )
+        if self._loops(scene) and (prior or several or self.directing.goals(scene)):
+            raise InputError("a loop takes no goals, --timeline or --prior; leave them out")
         if directing.timeline_part and not directing.timeline:
             raise InputError("--timeline-part needs --timeline, which the whole body follows")
         if scene is not None and (self.prompts or self.file or prior):
@@ -346,6 +360,8 @@ class Generate:
         if self.directing.timeline or (scene and scene.spans()):
             return self._timelines(generator, scene, seed, steps)
         seconds = scene.seconds if scene and self.seconds is None else self.seconds
+        if self._loops(scene):
+            return self._cycles(generator, prompts, seconds, seed, steps)
         repeated = [prompt for prompt in prompts for _ in range(self.count)]
         takes = self.best_of or min(usual_takes(generator.card, prompt) for prompt in prompts)
         settings = sampling.steps, sampling.guidance, sampling.sampler
@@ -357,6 +373,32 @@ class Generate:
             generator(prompt, seconds, seed + takes * number, *settings)
             for number, prompt in enumerate(repeated)
         ]
+
+    def _loops(self, scene: Scene | None) -> bool:
+        return self.directing.loop or (scene is not None and scene.loop)
+
+    def _cycles(
+        self,
+        generator: MotionPipeline,
+        prompts: list[str],
+        seconds: float | None,
+        seed: int,
+        steps: CleanUp | None,
+    ) -> list[Motion]:
+        """Generates loops, each the best of several takes."""
+        from latentmotion.control.stream import generate_loop
+        from latentmotion.ranking.best import ranked, scorer_beside
+
+        settings, made = (self.sampling.steps, self.sampling.guidance), []
+        for prompt in (prompt for prompt in prompts for _ in range(self.count)):
+            takes = self.best_of or usual_takes(generator.card, prompt)
+            seeds = range(seed + takes * len(made), seed + takes * (len(made) + 1))
+            loops = [generate_loop(generator, prompt, seconds, one, *settings) for one in seeds]
+            if takes > 1:
+                scorer = scorer_beside(generator.condition)
+                loops = [take.motion for take in ranked(loops, prompt, scorer, None)]
+            made.append(loops[0])
+        return clean_batch(made, steps) if steps else made
 
     def _timelines(
         self,
@@ -385,11 +427,14 @@ def _goal_text(motion: Motion) -> str:
     """Returns how far the joints of a motion are from their goals, a line for each."""
     if "goals" not in motion.metadata:
         return ""
-    lines = [
-        f"{goal['joint']} at {goal['at']:g} s: {1e3 * goal['after']:.1f} mm from its goal, "
-        f"{1e2 * goal['before']:.1f} cm before it was put there\n"
-        for goal in motion.metadata["goals"]
-    ]
+    from latentmotion.control.direct import named
+
+    lines = []
+    for goal in motion.metadata["goals"]:
+        after, before = f"{1e3 * goal['after']:.1f} mm", f"{1e2 * goal['before']:.1f} cm"
+        if goal.get("unit") == "degrees":
+            after, before = (f"{goal[key]:.1f}°" for key in ("after", "before"))
+        lines.append(f"{named(goal)}: {after} from its goal, {before} before it was put there\n")
     shown = lines if len(lines) <= 12 else [*lines[:11], f"… and {len(lines) - 11} more\n"]
     sliding = 1e2 * motion.metadata["foot_sliding"]
     return "".join([*shown, f"feet that stand slide {sliding:.1f} cm/s\n"])

@@ -27,6 +27,7 @@ class Verb:
 
 VERBS = {
     "generate": Verb("generate:Generate", "Turn sentences or labels into motion files."),
+    "set": Verb("states:ClipSet", "Make the clips of a state machine."),
     "bulk": Verb("bulk:Bulk", "Turn a file of prompts into many motions."),
     "clean": Verb("clean:Clean", "Clean up a motion: hold standing feet, remove jitter."),
     "edit": Verb("edit:EditMotion", "Generate a part of a motion anew."),

@@ -8,9 +8,10 @@ Clean-up comes later, and `at_goals` after it: the joints themselves are put at 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -20,16 +21,22 @@ from latentmotion.cleanup.pipeline import ground_path
 from latentmotion.control.exact import distances, hold_targets
 from latentmotion.control.generator import Generator, decoders_of, latents_of, metadata_of
 from latentmotion.control.goals import (
+    Directed,
     Goal,
     Heading,
+    LookAt,
     Pose,
     Reach,
     RootPath,
     TargetResidual,
     check_path,
     frame_at,
+    heading_gaps,
+    instants,
+    span_of,
     targets_of,
 )
+from latentmotion.control.look import looking, missed_looks
 from latentmotion.control.path import Curve, bent, straight_points, straightened
 from latentmotion.control.reach import (
     Correction,
@@ -42,6 +49,7 @@ from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
+from latentmotion.representation.canonical import heading, turn
 
 _DURING = ReachSettings(updates=1, checked=False)
 """Updates of the estimate of the clean latents during sampling."""
@@ -52,6 +60,16 @@ is so vague that its Jacobian is of little use, and later ones keep what an earl
 
 _AFTER = ReachSettings(updates=8, tolerance=5e-4)
 """Updates of the latents after sampling."""
+
+_MOST_REPAIR, _MOST_DEGREES = 0.15, 30.0
+"""Meters and degrees by which a cleaned motion may be off its goal before it is put there."""
+
+_MOST_JERK, _WINDOW = 635.0, 0.5
+"""Mean jerk of the joints, m/s³, in so many seconds: 99 of 100 recordings of CMU, SNU and HDM05
+stay below it in their jerkiest half second."""
+
+_MOST_INSTANTS, _SPACING = 6, 0.3
+"""Instants at which sampling is directed to a goal that holds: one in so many seconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,25 +82,23 @@ class Direction:
     """Frames per second."""
     frames: int
     """Length of the motion."""
-    places: tuple[Reach, ...]
-    """Places of joints in the world, those of a path left out."""
-    headings: tuple[Heading, ...]
-    """Directions of the body in the world."""
+    given: tuple[Directed, ...]
+    """Goals in the world, as they were given, without the path."""
     curve: Curve | None = None
     """The path, onto which the motion is bent."""
     along: tuple[tuple[float, float], ...] = ()
     """When the pelvis has to be how far along the path: seconds and meters."""
 
     @property
-    def goals(self) -> tuple[Reach, ...]:
-        """All places of joints in the world."""
+    def goals(self) -> tuple[Directed, ...]:
+        """All goals in the world, those of a path as places of the pelvis."""
         if self.curve is None:
-            return self.places
+            return self.given
         passed = [
             (at, self.curve.place(np.array(meters), np.array(0.0)).tolist())
             for at, meters in self.along[1:]
         ]
-        return (*self.places, *(Reach("pelvis", at, (x, None, z)) for at, (x, z) in passed))
+        return (*self.given, *(Reach("pelvis", at, (x, None, z)) for at, (x, z) in passed))
 
     def residual(
         self, joints: Float[np.ndarray, "frames joints 3"] | None = None
@@ -93,7 +109,14 @@ class Direction:
             joints: A straight motion that says where the body is at the goals beside its path; by
                 default it is on the path, at an even speed.
         """
-        goals: list[Goal] = [*self.places, *self.headings]
+        goals: list[Goal] = []
+        for goal in self.given:
+            if isinstance(goal, Pose):
+                goals += goal.reaches(self.skeleton)
+                continue
+            held = (getattr(goal, "until", None) or goal.at) - goal.at
+            most = min(_MOST_INSTANTS, 2 + int(held / _SPACING))
+            goals += instants([goal], self.frames, self.fps, most)
         if self.curve is not None:
             onto = [Reach("pelvis", at, (0.0, None, meters)) for at, meters in self.along[1:]]
             goals = [*(self._straight(goal, self.curve, joints) for goal in goals), *onto]
@@ -114,6 +137,8 @@ class Direction:
         if isinstance(goal, Heading):
             turned = float(np.degrees(curve.direction(np.array(along))))
             return replace(goal, degrees=goal.degrees - turned)
+        if goal.relative_to is not None:  # to the body, which turns with the path
+            return goal
         x, y, z = goal.to
         if x is None or z is None:
             raise InputError(
@@ -127,11 +152,11 @@ class Direction:
 
 def generate_directed(
     generator: Generator, request: GenerationRequest, goals: Sequence[Goal]
-) -> tuple[Motion, tuple[Reach, ...]]:
+) -> tuple[Motion, tuple[Directed, ...]]:
     """Generates the one motion of a request with goals, one raw take.
 
     Returns:
-        The motion, not cleaned up, and the places at which `at_goals` puts its joints once it is.
+        The motion, not cleaned up, and the goals at which `at_goals` puts its joints once it is.
 
     Raises:
         InputError: No person could meet a goal, or goals contradict each other.
@@ -139,10 +164,49 @@ def generate_directed(
     """
     (frames,), (prompt,), (seed,) = request.frames, request.prompts, request.seeds
     motion, space = decoders_of(generator)(frames), generator.representation
-    direction = direction_of(goals, frames, space.fps, space.skeleton)
+    # A motion starts above the origin and faces +z; a pose in which it starts may be elsewhere.
+    place, yaw = _start_of(goals, space.skeleton)
+    local = [_seen_from(goal, place, yaw) for goal in goals]
+    direction = direction_of(local, frames, space.fps, space.skeleton)
     made = directed(direction, motion, latents_of(generator, request), space.fps)
     about = {**metadata_of(generator, seed, request.sampling), **made.metadata}
-    return replace(made, caption=prompt, metadata=about), direction.goals
+    made = replace(made, caption=prompt, metadata=about)
+    if local == [*goals]:
+        return made, direction.goals
+    joints = turn(made.joints.astype(np.float64), np.array(yaw)) + place
+    world = tuple(goal for goal in goals if not isinstance(goal, RootPath))
+    return replace(made, joints=joints.astype(np.float32)), world
+
+
+def _start_of(goals: Sequence[Goal], skeleton: Skeleton) -> tuple[Float[np.ndarray, " 3"], float]:
+    """Returns where a motion starts, and its heading there, radians: those of its first pose."""
+    poses = [goal for goal in goals if isinstance(goal, Pose) and goal.at < 0.5 / goal.motion.fps]
+    free = [goal for goal in goals if isinstance(goal, Reach) and not goal.relative_to]
+    half = any((goal.to[0] is None) != (goal.to[2] is None) for goal in free)
+    fits = len(poses) == 1 and poses[0].motion.skeleton.names == skeleton.names and not half
+    if not fits or any(isinstance(goal, RootPath) for goal in goals):
+        return np.zeros(3), 0.0
+    joints = poses[0].motion.joints[poses[0].frame].astype(np.float64)
+    return joints[0] * (1, 0, 1), float(heading(joints, skeleton))
+
+
+def _seen_from(goal: Goal, place: Float[np.ndarray, " 3"], yaw: float) -> Goal:
+    """Returns a goal as it is seen from a place and a heading."""
+    if (yaw == 0 and not place.any()) or isinstance(goal, RootPath):
+        return goal
+    if isinstance(goal, Pose):
+        joints = turn(goal.motion.joints.astype(np.float64) - place, np.array(-yaw))
+        return replace(
+            goal, motion=Motion(joints.astype(np.float32), skeleton=goal.motion.skeleton)
+        )
+    if isinstance(goal, Heading):
+        return replace(goal, degrees=goal.degrees - float(np.degrees(yaw)))
+    if isinstance(goal, Reach) and goal.relative_to is not None:
+        return goal
+    x, y, z = goal.to
+    there = turn(np.array([x or 0.0, y or 0.0, z or 0.0]) - place, np.array(-yaw)).tolist()
+    to = tuple(None if old is None else new for old, new in zip(goal.to, there, strict=True))
+    return replace(goal, to=to)
 
 
 def directed(direction: Direction, motion: DecodedMotion, sample: Sample, fps: float) -> Motion:
@@ -159,7 +223,7 @@ def directed(direction: Direction, motion: DecodedMotion, sample: Sample, fps: f
     z = sample(motion.frames, lambda z: correction(z) if next(steps) % _EVERY == 1 else z)
     z = reach(np.asarray(z, np.float64), motion, residual, settings=_AFTER)
     joints = motion.joints(z)
-    if direction.curve is not None and (direction.places or direction.headings):
+    if direction.curve is not None and direction.given:
         # Now it is known where beside its path the body is when it has other goals.
         z = reach(z, motion, direction.residual(joints), settings=_AFTER)
         joints = motion.joints(z)
@@ -177,63 +241,112 @@ def direction_of(goals: Sequence[Goal], frames: int, fps: float, skeleton: Skele
     """
     for goal in goals:
         if not isinstance(goal, Goal):
-            known = "RootPath, Reach, Heading or Pose of latentmotion"
+            known = "RootPath, Reach, Heading, LookAt or Pose of latentmotion"
             raise InputError(f"a goal is {goal!r}; expected {known}")
     paths = [goal for goal in goals if isinstance(goal, RootPath)]
     if len(paths) > 1:
         raise InputError(f"{len(paths)} paths for one motion: join their points to one")
-    others = [goal for goal in goals if not isinstance(goal, RootPath)]
-    places = tuple(
-        place
-        for goal in others
-        for place in (goal.reaches(skeleton) if isinstance(goal, Pose) else [goal])
-        if isinstance(place, Reach)
-    )
-    headings = tuple(goal for goal in others if isinstance(goal, Heading))
+    given = tuple(goal for goal in goals if not isinstance(goal, RootPath))
+    for goal in given:
+        span_of(goal, frames, fps)  # raises an error where the motion is too short
     if not paths:
-        direction, start = Direction(skeleton, fps, frames, places, headings), (0.0, 0.0)
+        direction, start = Direction(skeleton, fps, frames, given), (0.0, 0.0)
     else:
         (path,) = paths
         check_path(path, frames, fps)
         curve = Curve.through(path)
         times, meters = straight_points(path, curve, frames, fps)
         along = tuple(zip(times.tolist(), meters.tolist(), strict=True))
-        direction = Direction(skeleton, fps, frames, places, headings, curve, along)
+        direction = Direction(skeleton, fps, frames, given, curve, along)
         start = float(path.points[0][0]), float(path.points[0][1])
         direction.residual()
-    targets_of([*direction.goals, *headings], frames, fps, skeleton, start)
+    targets_of(direction.goals, frames, fps, skeleton, start)
     return direction
 
 
-def at_goals(cleaned: Motion, goals: Sequence[Reach]) -> Motion:
-    """Returns a motion that was cleaned up, its joints exactly at their goals."""
+def at_goals(cleaned: Motion, goals: Sequence[Directed]) -> Motion:
+    """Returns a motion that was cleaned up, its joints, body and head exactly at their goals."""
     fps, skeleton = cleaned.fps, cleaned.skeleton
     targets = targets_of(goals, len(cleaned), fps, skeleton, None)
     joints = hold_targets(cleaned.joints.astype(np.float64), targets, fps, skeleton)
     exact = replace(cleaned, joints=joints.astype(np.float32))
-    return replace(exact, metadata={**cleaned.metadata, **goal_report(goals, cleaned, exact)})
+    looks = [goal for goal in goals if isinstance(goal, LookAt)]
+    exact = looking(exact, looks) if looks else exact
+    about = {**cleaned.metadata, **goal_report(goals, cleaned, exact)}
+    return replace(exact, metadata=about).with_recorded(exact.recorded)
 
 
-def goal_report(goals: Sequence[Reach], before: Motion, after: Motion) -> dict[str, object]:
-    """Returns how far joints are from their goals, and how fast feet that stand slide.
+def goal_report(goals: Sequence[Directed], before: Motion, after: Motion) -> dict[str, object]:
+    """Returns how far a motion is from its goals, an entry for each, and how fast feet slide.
+
+    `before` and `after` are meters of the joint that is farthest off while the goal holds, or, with
+    the unit `degrees`, those of a heading or of the direction in which the eyes look.
 
     Args:
-        goals: Where joints should be.
+        goals: What was asked.
         before: The motion before it was put at its goals.
         after: The same after it.
     """
-    targets = targets_of(goals, len(after), after.fps, after.skeleton, None)
-    missed = zip(
-        goals,
-        distances(before.joints, targets).tolist(),
-        distances(after.joints, targets).tolist(),
-        strict=True,
-    )
-    report = [
-        {"joint": goal.joint, "at": goal.at, "to": list(goal.to), "before": was, "after": now}
-        for goal, was, now in missed
-    ]
-    return {"goals": report, "foot_sliding": sliding_in_contact(after)}
+    entries = []
+    for goal in goals:
+        was, now = (_missed(goal, motion) for motion in (before, after))
+        if isinstance(goal, Pose):
+            entry: dict[str, object] = {"pose": goal.frame, "at": goal.at}
+        else:
+            entry = {key: value for key, value in vars(goal).items() if value is not None}
+        if isinstance(goal, Reach):
+            entry["to"] = list(goal.to)
+        if isinstance(goal, LookAt):
+            entry["look_at"] = list(entry.pop("to"))
+        if isinstance(goal, Heading | LookAt):
+            entry["unit"] = "degrees"
+        entries.append({**entry, "before": was, "after": now})
+    return {"goals": entries, "foot_sliding": sliding_in_contact(after)}
+
+
+def _missed(goal: Directed, motion: Motion) -> float:
+    """Returns how far a motion is from a goal: meters, or degrees of a heading or a look."""
+    skeleton = motion.skeleton
+    if isinstance(goal, LookAt):
+        return missed_looks(motion, goal)
+    targets = targets_of([goal], len(motion), motion.fps, skeleton, None)
+    if isinstance(goal, Heading):
+        gaps = heading_gaps(motion.joints.astype(np.float64), targets, skeleton)
+        return float(np.degrees(np.abs(gaps).max()))
+    return float(distances(motion.joints.astype(np.float64), targets, skeleton).max())
+
+
+def unmet(motion: Motion) -> str | None:
+    """Returns which goal a motion meets by flying or breaking, and why; None where it is fine.
+
+    Args:
+        motion: Cleaned up and put at its goals.
+    """
+    goals = [goal for goal in motion.metadata.get("goals", ()) if "look_at" not in goal]
+    if not goals:
+        return None
+    most = [_MOST_DEGREES if "unit" in goal else _MOST_REPAIR for goal in goals]
+    over = [goal["before"] / limit for goal, limit in zip(goals, most, strict=True)]
+    worst = goals[int(np.argmax(over))]
+    if max(over) > 1:
+        before = f"{worst['before']:.0f}°" if "unit" in worst else f"{1e2 * worst['before']:.0f} cm"
+        return f"{named(worst)} was {before} away before it was put there"
+    jerk = np.linalg.norm(np.diff(motion.joints.astype(np.float64), n=3, axis=0), axis=-1).mean(-1)
+    window = max(1, min(round(_WINDOW * motion.fps), len(jerk)))
+    mean = np.convolve(jerk, np.ones(window) / window, "valid") * motion.fps**3
+    if len(jerk) < window or mean.max() <= _MOST_JERK:
+        return None
+    at = (int(mean.argmax()) + (window + 3) / 2) / motion.fps
+    nearest = min(goals, key=lambda goal: abs(goal["at"] - at))
+    return f"{named(nearest)} makes the body jerk by {mean.max():.0f} m/s³ at {at:.1f} s"
+
+
+def named(goal: Mapping[str, Any]) -> str:
+    """Returns the name and the time of an entry of a goal report."""
+    kinds = {"pose": "pose", "degrees": "heading", "look_at": "eyes"}
+    name = goal.get("joint") or next(kinds[kind] for kind in kinds if kind in goal)
+    until = f" to {goal['until']:g}" if "until" in goal else ""
+    return f"{name} at {goal['at']:g}{until} s"
 
 
 def sliding_in_contact(motion: Motion) -> float:

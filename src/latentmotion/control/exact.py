@@ -2,14 +2,16 @@
 
 Clean-up moves goals by a centimeter at the pelvis and by up to four at the wrists. Here an offset
 that is right at its goal goes to nothing before and after with continuous acceleration. The trunk
-is moved as a whole, feet stay where clean-up holds them, arms and legs bend for their ends; a foot
-that has to be elsewhere while it stands is moved for the whole contact. Pasted pieces get the
+is moved and turned as a whole, feet stay where clean-up holds them, arms and legs bend for their
+ends; a foot that has to be elsewhere while it stands is moved for the whole contact. A goal that
+holds has an offset in each of its frames; before and after it the offset begins as fast as it ends,
+so that a hand comes to rest at its place and leaves it without a jerk. Pasted pieces get the
 position and the velocity of what they replace at both seams (Bollo 2018, inertialization).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from itertools import pairwise
 
 import numpy as np
@@ -20,14 +22,15 @@ from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
 from latentmotion.cleanup.floor import find_arms
 from latentmotion.cleanup.leg_ik import find_legs
 from latentmotion.cleanup.leg_ik import reach as bend
-from latentmotion.control.goals import Targets
+from latentmotion.control.goals import Targets, hand_points, heading_gaps, with_hands
 from latentmotion.kinematics.rotations import quaternion_from_axis_angle, quaternion_rotate
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.representation.canonical import turn
 
 Joints = Float[np.ndarray, "frames joints 3"]
 Offsets = Float[np.ndarray, "frames 3"]
 
-_BLEND = 0.5
+BLEND = 0.5
 """Seconds in which an offset comes and goes."""
 
 _STILL = 1e-4
@@ -45,31 +48,41 @@ def hold_targets(joints: Joints, targets: Targets, fps: float, skeleton: Skeleto
 
     Args:
         joints: A motion that is near its goals, cleaned up.
-        targets: The goals; headings are left as they are.
+        targets: The goals.
         fps: Frames per second.
         skeleton: Says what arms and legs are.
     """
-    if not len(targets.frames):
+    if not (len(targets.frames) or len(targets.turned)):
         return joints
     joints = joints.astype(np.float64)
     poses = _pose_frames(targets, skeleton)
     limbs = _Limbs(joints, targets, poses, fps, skeleton)
-    body = _trunk_offsets(joints, targets, limbs.ends, poses)
-    moved = joints
+    turned = _turned(joints, targets, fps, skeleton)
+    body = _trunk_offsets(turned, targets, limbs.ends, poses, skeleton)
+    moved = turned
     for _ in range(_ROUNDS):
-        curve = spread(body, len(joints), _BLEND * fps)
-        moved, short = limbs.follow(joints + curve[:, None])
+        curve = spread(body, len(joints), BLEND * fps)
+        moved, short = limbs.follow(turned + curve[:, None])
         if all(np.linalg.norm(over) < 1e-5 for over in short.values()):
             break
         for frame, over in short.items():
             body[frame] = body.get(frame, np.zeros(3)) + over
-    return _with_poses(moved, targets, poses, fps)
+    return _with_poses(moved, targets, poses, fps, skeleton)
+
+
+def _turned(joints: Joints, targets: Targets, fps: float, skeleton: Skeleton) -> Joints:
+    """Returns the joints turned about the pelvis toward the headings that are given."""
+    missing = heading_gaps(joints, targets, skeleton)
+    offsets = {int(f): np.full(3, gap) for f, gap in zip(targets.turned, missing, strict=True)}
+    angle, root = spread(offsets, len(joints), BLEND * fps)[:, :1], joints[:, :1]
+    return root + turn(joints - root, angle)
 
 
 def spread(offsets: dict[int, np.ndarray], frames: int, blend: float) -> Offsets:
-    """Returns a curve through offsets at some frames, with continuous acceleration.
+    """Returns a curve through offsets at some frames, with continuous velocity.
 
-    Between two that are near one goes over to the other, elsewhere to zero.
+    Between two that are near one goes over to the other, elsewhere to zero. At the ends of a run of
+    frames, one after the other, the curve goes on as fast as the offsets change there.
 
     Args:
         offsets: By frame.
@@ -77,21 +90,34 @@ def spread(offsets: dict[int, np.ndarray], frames: int, blend: float) -> Offsets
         blend: Frames in which an offset comes and goes.
     """
     known = sorted(offsets)
-    curve = np.zeros((frames, 3))
+    curve, still = np.zeros((frames, 3)), np.zeros(3)
     if not known:
         return curve
-    knots = [(known[0] - blend, np.zeros(3))]
+
+    def rate(frame: int, ahead: int) -> np.ndarray:
+        """Returns the change per frame at the end of a run that lies ahead (1) or behind (-1)."""
+        near = [offsets.get(frame + n * ahead) for n in range(3)]
+        if any(offset is None for offset in near) or frame - ahead in offsets:
+            return still
+        return ahead * (-1.5 * near[0] + 2 * near[1] - 0.5 * near[2])  # type: ignore[operator]
+
+    # Frame, offset, and its change per frame, on either side.
+    knots = [(known[0] - blend, still, still, still)]
     for frame, later in zip(known, [*known[1:], None], strict=True):
-        knots.append((float(frame), np.asarray(offsets[frame], float)))
+        knots.append(
+            (float(frame), np.asarray(offsets[frame], float), rate(frame, 1), rate(frame, -1))
+        )
         if later is None:
-            knots.append((frame + blend, np.zeros(3)))
+            knots.append((frame + blend, still, still, still))
         elif later - frame > 2 * blend:
-            knots += [(frame + blend, np.zeros(3)), (later - blend, np.zeros(3))]
+            knots += [(at, still, still, still) for at in (frame + blend, later - blend)]
     time = np.arange(frames)
-    for (start, a), (end, b) in pairwise(knots):
-        inside = (time >= start) & (time <= end)
-        u = quintic((time[inside] - start) / max(end - start, 1e-9))[:, None]
-        curve[inside] = (1 - u) * a + u * b
+    for (start, a, _, leaving), (end, b, meeting, _) in pairwise(knots):
+        inside, length = (time >= start) & (time <= end), max(end - start, 1e-9)
+        u = ((time[inside] - start) / length)[:, None]
+        ease = quintic(u)
+        rates = _rate_left(u) * leaving - _rate_left(1 - u) * meeting
+        curve[inside] = (1 - ease) * a + ease * b + length * rates
     return curve
 
 
@@ -138,6 +164,11 @@ def held_in_contacts(
 def quintic(u: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
     """Returns a step from 0 to 1 whose velocity and acceleration are 0 at both ends."""
     return u**3 * (10 - 15 * u + 6 * u**2)
+
+
+def _rate_left(u: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
+    """Returns a curve of slope 1 at 0; all else of it, to its acceleration, is 0 at both ends."""
+    return u * (1 - u) ** 3 * (1 + 3 * u)
 
 
 def inertialized(
@@ -200,7 +231,7 @@ def _decay(
 ) -> tuple[Float[np.ndarray, "frames 1 1"], Float[np.ndarray, "frames 1 1"]]:
     """Returns what is left of an offset and of its rate, from the first frame after a seam on."""
     u = np.clip((np.arange(count) + 1) / (blend + 1), 0, 1)[:, None, None]
-    return 1 - quintic(u), (blend + 1) * u * (1 - u) ** 3 * (1 + 3 * u)
+    return 1 - quintic(u), (blend + 1) * _rate_left(u)
 
 
 def _rotation_between(
@@ -220,20 +251,17 @@ def _pose_frames(targets: Targets, skeleton: Skeleton) -> list[int]:
 
 
 def _trunk_offsets(
-    joints: Joints, targets: Targets, ends: set[int], poses: Sequence[int]
+    joints: Joints, targets: Targets, ends: set[int], poses: Sequence[int], skeleton: Skeleton
 ) -> dict[int, np.ndarray]:
     """Returns how far the body is moved for its goals that are not at the end of a limb."""
     offsets: dict[int, np.ndarray] = {}
-    order = np.argsort(targets.joints, kind="stable")
-    for frame, joint, place in zip(
-        targets.frames[order], targets.joints[order], targets.places[order], strict=True
-    ):
-        frame = int(frame)
+    gaps = targets.gaps(joints, skeleton)
+    for point in np.argsort(targets.joints, kind="stable").tolist():
+        frame, joint = int(targets.frames[point]), int(targets.joints[point])
         if frame in poses and joint != 0:
             continue
-        if int(joint) not in ends and frame not in offsets:
-            gap = place - joints[frame, joint]
-            offsets[frame] = np.where(np.isfinite(gap), gap, 0.0)
+        if joint not in ends and frame not in offsets:
+            offsets[frame] = gaps[point]
     return offsets
 
 
@@ -254,6 +282,9 @@ class _Limbs:
         self.ends = {arm[2] for arm in self.arms} | {
             j for leg in self.legs for j in (leg.ankle, *leg.below)
         }
+        count = len(skeleton)
+        self.hands = {count + n: hand for n, hand in enumerate(hand_points(skeleton))}
+        self.ends |= set(self.hands)
 
     def follow(self, carried: Joints) -> tuple[Joints, dict[int, np.ndarray]]:
         """Returns the joints with limbs that meet their goals, and what they are too short for.
@@ -262,44 +293,69 @@ class _Limbs:
             carried: The motion with its body moved.
         """
         moved, short = carried.copy(), {}
-        middle = carried[:, [arm[0] for arm in self.arms]].mean(axis=1) if self.arms else 0
-        for shoulder, elbow, wrist in self.arms:
-            offset = self._offsets(carried, (wrist,), None)
-            if offset is None:
-                continue
-            out = carried[:, elbow] - (carried[:, shoulder] + carried[:, wrist]) / 2
-            out = out + 0.1 * (carried[:, shoulder] - middle)
-            self._bend(moved, carried, (shoulder, elbow, wrist), offset, out, short, ())
+        # Legs first: an arm whose goal counts from a foot or from the other hand comes after it.
         across = carried[:, self.legs[0].hip] - carried[:, self.legs[-1].hip] if self.legs else 0
         for leg in self.legs:
             pivots = [self.order.index(pivot) for pivot in leg.pivots]
             standing = np.asarray(self.standing[:, pivots].any(axis=1))
             stays = self.joints[:, leg.ankle] - carried[:, leg.ankle]
-            offset = self._offsets(carried + stays[:, None], (leg.ankle, *leg.below), standing)
+            # Feet do not turn with the body.
+            foot, placed = [leg.ankle, *leg.below], carried.copy()
+            placed[:, foot] = self.joints[:, foot]
+            offset = self._offsets(placed, (leg.ankle, *leg.below), standing)
             if offset is not None:
                 stays = stays + offset
-            foot = carried[:, leg.pivots[-1]] - carried[:, leg.ankle]
-            ahead = np.cross(across, carried[:, leg.hip] - carried[:, leg.ankle]) + 0.1 * foot
+            toes = carried[:, leg.pivots[-1]] - carried[:, leg.ankle]
+            ahead = np.cross(across, carried[:, leg.hip] - carried[:, leg.ankle]) + 0.1 * toes
             chain = leg.hip, leg.knee, leg.ankle
             self._bend(moved, carried, chain, stays, ahead, short, leg.below)
+        middle = carried[:, [arm[0] for arm in self.arms]].mean(axis=1) if self.arms else 0
+        origins = self.targets.origins
+        for _ in range(1 if origins is None else 2):
+            for shoulder, elbow, wrist in self.arms:
+                points = [n for n, hand in self.hands.items() if hand.wrist == wrist]
+                for end in (wrist, *points):
+                    others = {wrist, *points} - {end}
+                    offset = self._offsets(moved, (end,), None, others)
+                    if offset is None:
+                        continue
+                    out = moved[:, elbow] - (moved[:, shoulder] + moved[:, wrist]) / 2
+                    out = out + 0.1 * (moved[:, shoulder] - middle)
+                    self._bend(moved, moved, (shoulder, elbow, end), offset, out, short, ())
         return moved, short
 
     def _offsets(
-        self, carried: Joints, ends: tuple[int, ...], standing: Bool[np.ndarray, " frames"] | None
+        self,
+        carried: Joints,
+        ends: tuple[int, ...],
+        standing: Bool[np.ndarray, " frames"] | None,
+        others: Set[int] = frozenset(),
     ) -> Offsets | None:
-        """Returns how far the end of a limb has to be moved, or None where it has no goals."""
-        targets, offsets = self.targets, {}
-        for frame, joint, place in zip(
-            targets.frames.tolist(), targets.joints.tolist(), targets.places, strict=True
+        """Returns how far the end of a limb has to be moved, or None where it has no goals.
+
+        Args:
+            carried: The motion with its body moved.
+            ends: The joints that count as the end.
+            standing: Whether it stands; None for arms.
+            others: Further points of the limb, whose goals of other frames it keeps.
+        """
+        targets, offsets = self.targets, dict[int, np.ndarray]()
+        gaps, others_at = targets.gaps(carried, self.skeleton), set[int]()
+        for point, (frame, joint) in enumerate(
+            zip(targets.frames.tolist(), targets.joints.tolist(), strict=True)
         ):
-            if joint in ends and frame not in self.poses and frame not in offsets:
-                gap = place - carried[frame, joint]
-                offsets[frame] = np.where(np.isfinite(gap), gap, 0.0)
+            if frame in self.poses:
+                continue
+            if joint in ends and frame not in offsets:
+                offsets[frame] = gaps[point]
+            elif joint in others:
+                others_at.add(frame)
         if not offsets:
             return None
-        blend = _BLEND * self.fps
+        blend = BLEND * self.fps
         if standing is None:
-            return spread(offsets, len(carried), blend)
+            kept = {frame: np.zeros(3) for frame in others_at - set(offsets)}
+            return spread(kept | offsets, len(carried), blend)
         return held_in_contacts(offsets, standing, blend)
 
     def _bend(
@@ -313,7 +369,8 @@ class _Limbs:
         below: tuple[int, ...],
     ) -> None:
         """Bends a limb in place; adds to `short` what it lacks in the frames of its goals."""
-        top, middle, end = (carried[:, joint] for joint in chain)
+        top, middle = (carried[:, joint] for joint in chain[:2])
+        end = with_hands(carried, self.skeleton)[:, chain[2]]
         touched = np.linalg.norm(offset, axis=-1) > 1e-9
         goal = end + offset
         whole = np.linalg.norm(middle - top, axis=-1) + np.linalg.norm(end - middle, axis=-1)
@@ -327,29 +384,40 @@ class _Limbs:
             if joint in joints and frame not in self.fixed_root and over[frame].any():
                 short[frame] = over[frame]
         knee, tip = bend(top, middle, end, goal - over, ahead)
-        moved[touched, chain[1]], moved[touched, chain[2]] = knee[touched], tip[touched]
+        hand = self.hands.get(chain[2])
+        last = chain[2] if hand is None else hand.wrist
+        if hand is not None:  # it is on the line of the forearm
+            tip = tip - hand.beyond * unit(tip - knee)
+        moved[touched, chain[1]], moved[touched, last] = knee[touched], tip[touched]
         rest = list(below)
         if rest:
-            carry = (tip - end)[touched, None]
-            moved[np.ix_(touched, rest)] = carried[np.ix_(touched, rest)] + carry
+            carry = (tip - self.joints[:, chain[2]])[touched, None]
+            moved[np.ix_(touched, rest)] = self.joints[np.ix_(touched, rest)] + carry
 
 
-def _with_poses(joints: Joints, targets: Targets, poses: Sequence[int], fps: float) -> Joints:
+def _with_poses(
+    joints: Joints, targets: Targets, poses: Sequence[int], fps: float, skeleton: Skeleton
+) -> Joints:
     """Returns the joints with whole poses met, every joint by an offset of its own."""
-    moved = joints.copy()
-    for joint in np.unique(targets.joints):
-        own = targets.joints == joint
-        offsets = {
-            int(frame): np.where(np.isfinite(place), place - joints[frame, joint], 0.0)
-            for frame, place in zip(targets.frames[own], targets.places[own], strict=True)
-        }
+    if not poses:
+        return joints
+    moved, gaps = joints.copy(), targets.gaps(joints, skeleton)
+    offsets: dict[int, dict[int, np.ndarray]] = {}
+    for point, (frame, joint) in enumerate(
+        zip(targets.frames.tolist(), targets.joints.tolist(), strict=True)
+    ):
         # Goals of other frames are met already: their offsets are 0 and hold what is there.
-        if poses and set(offsets) & set(poses):
-            moved[:, joint] += spread(offsets, len(joints), _BLEND * fps)
+        gap = gaps[point] if frame in poses else np.zeros(3)
+        count = len(skeleton)
+        hand = hand_points(skeleton)[joint - count] if joint >= count else None
+        for one in (joint,) if hand is None else (hand.elbow, hand.wrist):
+            offsets.setdefault(one, {}).setdefault(frame, gap)
+    for joint, of_joint in offsets.items():
+        if set(of_joint) & set(poses):
+            moved[:, joint] += spread(of_joint, len(joints), BLEND * fps)
     return moved
 
 
-def distances(joints: Joints, targets: Targets) -> Float[np.ndarray, " points"]:
+def distances(joints: Joints, targets: Targets, skeleton: Skeleton) -> Float[np.ndarray, " points"]:
     """Returns how far each joint is from its goal, meters, in the coordinates that are given."""
-    gaps = targets.places - joints[targets.frames, targets.joints]
-    return np.linalg.norm(np.nan_to_num(gaps), axis=-1)
+    return np.linalg.norm(targets.gaps(joints, skeleton), axis=-1)

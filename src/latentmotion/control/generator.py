@@ -13,9 +13,9 @@ from jaxtyping import Bool, Float
 from latentmotion.condition.interface import Condition
 from latentmotion.control.reach import CorrectedDenoiser, Correction, DecodedMotion, Sample
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
-from latentmotion.diffusion.samplers import Sampler, sample
+from latentmotion.diffusion.samplers import Sampler, remaining_times, sample
 from latentmotion.engine.backend import Backend, FeatureDecoder
-from latentmotion.engine.request import GenerationRequest, padded_batch
+from latentmotion.engine.request import GenerationRequest, padded_batch, with_starts
 from latentmotion.engine.session import PULLBACK_FILE
 from latentmotion.errors import ModelError
 from latentmotion.model.card import ModelCard
@@ -107,12 +107,15 @@ def latents_of(generator: Generator, request: GenerationRequest) -> Sample:
         frames: int, correct: Callable[[np.ndarray], np.ndarray]
     ) -> Float[np.ndarray, "tokens width"]:
         one = replace(request, frames=(frames,))
-        batch, noise = padded_batch(one, condition, generator.card.latents, generator.backend)
+        backend = generator.backend
+        batch, noise = padded_batch(one, condition, generator.card.latents, backend)
         corrected = CorrectedDenoiser(generator.guided(sampling), correct)
-        sampler, steps = generator.sampler(sampling), sampling.steps
-        return sample(corrected, sampler, batch.noise, batch.condition, batch.tokens, steps, noise)[
-            0
-        ]
+        sampler, steps, (left,) = generator.sampler(sampling), sampling.steps, one.remaining
+        if left is not None:  # it starts from a clip
+            first = remaining_times(sampler.schedule, steps, left)[0]
+            batch = with_starts(batch, one.starts, sampler.schedule, first, backend)
+        chain = corrected, sampler, batch.noise, batch.condition, batch.tokens, steps, noise
+        return sample(*chain, left)[0]
 
     return sample_latents
 

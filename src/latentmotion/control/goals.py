@@ -1,22 +1,28 @@
-"""Goals: where joints should be at given times, which way the body should face, its path, a pose.
+"""Goals: where joints should be and when, which way body and head face, a path, a pose.
 
 Seconds, meters, y up, joints by name. A motion starts above the origin and faces +z; +x is on its
 left. A goal that no person could meet is refused before anything is generated.
+
+Goals may hold for some time. A hand is a point on the line of its forearm beyond the wrist.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from latentmotion.arrays import unit
+from latentmotion.cleanup.floor import find_arms
 from latentmotion.errors import InputError, hint
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.representation.canonical import heading
+from latentmotion.representation.canonical import heading, turn
 
 FASTEST = 8.0
 """Meters per second that a person can run."""
@@ -32,27 +38,48 @@ _TURN = 0.3
 
 Coordinate = float | None
 
+BEYOND_WRIST: Mapping[str, float] = MappingProxyType({"hand": 0.09, "fingertips": 0.18})
+"""Meters from the wrist to the middle of the palm and to the tip of the middle finger."""
+
 
 @dataclass(frozen=True)
 class Reach:
-    """A joint is at a place at a time."""
+    """A joint, or a part of a hand, is at a place at a time, or from then on until another."""
 
     joint: str
-    """Name of the joint, e.g. `right_wrist`."""
+    """Name of the joint, e.g. `right_wrist`, or `right_hand` (the palm) or `right_fingertips`."""
     at: float
     """Seconds from the start."""
     to: tuple[Coordinate, Coordinate, Coordinate]
     """Meters, x, y and z; None leaves a coordinate free."""
+    until: float | None = None
+    """Seconds until which it stays there; by default it is there for an instant."""
+    relative_to: str | None = None
+    """Joint from which `to` counts, in the body's directions: x to its left, y up, z ahead."""
 
 
 @dataclass(frozen=True)
 class Heading:
-    """The body faces a direction at a time."""
+    """The body faces a direction at a time, or from then on until another."""
 
     at: float
     """Seconds from the start."""
     degrees: float
     """0 is +z, where the motion starts to face; 90 is +x, to its left."""
+    until: float | None = None
+    """Seconds until which it faces there."""
+
+
+@dataclass(frozen=True)
+class LookAt:
+    """The head is turned so that the eyes look at a point; places of joints do not change."""
+
+    at: float
+    """Seconds from the start."""
+    to: tuple[float, float, float]
+    """Meters, x, y and z."""
+    until: float | None = None
+    """Seconds until which they look there."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +91,9 @@ class RootPath:
     at: Sequence[float] | None = None
     """Seconds at which it passes each point; by default the whole curve takes the whole motion, at
     the speeds that the prompt asks for."""
+    pace: float | Sequence[float] | None = None
+    """In place of `at`: meters per second along the curve, one number or one for each point,
+    between which it changes evenly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +127,46 @@ class Pose:
         return [Reach(name, self.at, (x, y, z)) for name, (x, y, z) in places.items()]
 
 
-Goal = Reach | Heading | RootPath | Pose
+Goal = Reach | Heading | LookAt | RootPath | Pose
+Directed = Reach | Heading | LookAt | Pose
+"""A goal that clean-up may move, so that it is met once more after it."""
+
+
+@dataclass(frozen=True)
+class HandPoint:
+    """A point of a hand."""
+
+    name: str
+    """Such as `right_hand`."""
+    elbow: int
+    """Joint where the forearm begins."""
+    wrist: int
+    """Joint where it ends."""
+    beyond: float
+    """Meters from the wrist to the point."""
+
+
+@lru_cache(maxsize=16)
+def hand_points(skeleton: Skeleton) -> tuple[HandPoint, ...]:
+    """Returns the points of hands that can have goals; as joints they follow the skeleton's."""
+    return tuple(
+        HandPoint(skeleton.names[wrist].replace("wrist", part), elbow, wrist, meters)
+        for _, elbow, wrist in find_arms(skeleton)
+        for part, meters in BEYOND_WRIST.items()
+    )
+
+
+def with_hands(
+    joints: Float[np.ndarray, "*batch joints 3"], skeleton: Skeleton
+) -> Float[np.ndarray, "*batch points 3"]:
+    """Returns the joints, and after them the points of hands."""
+    hands = hand_points(skeleton)
+    if not hands:
+        return joints
+    wrists, elbows = ([getattr(hand, name) for hand in hands] for name in ("wrist", "elbow"))
+    beyond = np.array([[hand.beyond] for hand in hands])
+    along = unit(joints[..., wrists, :] - joints[..., elbows, :])
+    return np.concatenate([joints, joints[..., wrists, :] + beyond * along], axis=-2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,27 +176,37 @@ class Targets:
     frames: Int[np.ndarray, " points"]
     """Frame of each point."""
     joints: Int[np.ndarray, " points"]
-    """Its joint."""
+    """Its joint; numbers beyond the skeleton's are points of hands."""
     places: Float[np.ndarray, "points 3"]
     """Where it should be, meters; NaN leaves a coordinate free."""
     turned: Int[np.ndarray, " headings"]
     """Frames in which the heading is given."""
     headings: Float[np.ndarray, " headings"]
     """Radians from +z toward +x."""
+    origins: Int[np.ndarray, " points"] | None = None
+    """Joint from which a place counts, in the body's directions; -1 for places in the world, which
+    by default all are."""
 
     @property
     def fixed(self) -> Bool[np.ndarray, "points 3"]:
         """True on coordinates that are given."""
         return np.isfinite(self.places)
 
-    def joined(self, other: Targets) -> Targets:
-        """Returns these targets and others."""
-        return Targets(
-            *(
-                np.concatenate([own, more])
-                for own, more in zip(vars(self).values(), vars(other).values(), strict=True)
-            )
-        )
+    def gaps(
+        self, joints: Float[np.ndarray, "frames joints 3"], skeleton: Skeleton
+    ) -> Float[np.ndarray, "points 3"]:
+        """Returns what is missing from each point to its place, meters in the world, 0 if free."""
+        points = with_hands(joints, skeleton)
+        gaps = np.nan_to_num(self.places - points[self.frames, self.joints])
+        if self.origins is None or not (self.origins >= 0).any():
+            return gaps
+        relative = np.flatnonzero(self.origins >= 0)
+        frames = self.frames[relative]
+        facing = heading(joints[frames], skeleton)
+        away = points[frames, self.joints[relative]] - points[frames, self.origins[relative]]
+        missing = np.nan_to_num(self.places[relative] - turn(away, -facing))
+        gaps[relative] = turn(missing, facing)
+        return gaps
 
 
 NO_TARGETS = Targets(
@@ -145,20 +224,40 @@ class TargetResidual:
     def __call__(self, joints: Float[np.ndarray, "frames joints 3"]) -> Float[np.ndarray, " rows"]:
         """Returns goal minus joint, meters; a radian of heading counts as 0.3 m."""
         targets = self.targets
-        gaps = targets.places - joints[targets.frames, targets.joints]
-        turns = targets.headings - heading(joints[targets.turned], self.skeleton)
-        turns = (turns + np.pi) % (2 * np.pi) - np.pi
+        gaps = targets.gaps(joints, self.skeleton)
+        if targets.origins is not None:  # in the directions that their coordinates are given in
+            gaps = turn(gaps, -self._facing(joints))
+        turns = heading_gaps(joints, targets, self.skeleton)
         return np.concatenate([gaps[targets.fixed], _TURN * turns])
 
     def gradient(
         self, joints: Float[np.ndarray, "frames joints 3"]
     ) -> Float[np.ndarray, "rows frames joints 3"]:
-        """Returns the derivatives of these coordinates and headings."""
-        targets = self.targets
+        """Returns the derivatives of these coordinates and headings.
+
+        The directions of a body and of a forearm count as if they did not change.
+        """
+        targets, names = self.targets, self.skeleton.names
         point, axis = np.nonzero(targets.fixed)
-        found = np.zeros((len(point) + len(targets.turned), *joints.shape))
-        found[np.arange(len(point)), targets.frames[point], targets.joints[point], axis] = 1
-        names = self.skeleton.names
+        rows, frames = np.arange(len(point)), targets.frames[point]
+        gradient = np.zeros((len(point) + len(targets.turned), *joints.shape))
+        along = turn(np.eye(3)[axis], self._facing(joints)[point])
+        hands, count = hand_points(self.skeleton), len(names)
+
+        def add(joint: Int[np.ndarray, " rows"], chosen: np.ndarray, sign: float) -> None:
+            for row, frame, one in zip(rows[chosen], frames[chosen], joint[chosen], strict=True):
+                if one < count:
+                    gradient[row, frame, one] += sign * along[row]
+                    continue
+                hand = hands[one - count]
+                forearm = joints[frame, hand.wrist] - joints[frame, hand.elbow]
+                share = hand.beyond / max(float(np.linalg.norm(forearm)), 1e-6)
+                gradient[row, frame, hand.wrist] += sign * (1 + share) * along[row]
+                gradient[row, frame, hand.elbow] -= sign * share * along[row]
+
+        add(targets.joints[point], np.ones(len(point), bool), 1.0)
+        if targets.origins is not None:
+            add(targets.origins[point], targets.origins[point] >= 0, -1.0)
         sides = [
             (names.index(f"{side}_{part}"), sign)
             for part in ("hip", "shoulder")
@@ -169,8 +268,68 @@ class TargetResidual:
             x, z = across[0], across[2]  # type: ignore[index]
             slope = _TURN * np.array([z, 0.0, -x]) / max(x * x + z * z, 1e-9)
             for joint, sign in sides:
-                found[row, frame, joint] = sign * slope
-        return found
+                gradient[row, frame, joint] = sign * slope
+        return gradient
+
+    def _facing(self, joints: Float[np.ndarray, "frames joints 3"]) -> Float[np.ndarray, " points"]:
+        """Returns the direction in which the coordinates of each point are given."""
+        targets = self.targets
+        if targets.origins is None:
+            return np.zeros(len(targets.frames))
+        facing = heading(joints[targets.frames], self.skeleton)
+        return np.where(targets.origins >= 0, facing, 0.0)
+
+
+def heading_gaps(
+    joints: Float[np.ndarray, "frames joints 3"], targets: Targets, skeleton: Skeleton
+) -> Float[np.ndarray, " headings"]:
+    """Returns what is missing to each heading, radians from -π to π."""
+    turns = targets.headings - heading(joints[targets.turned], skeleton)
+    return (turns + np.pi) % (2 * np.pi) - np.pi
+
+
+def instants(
+    goals: Iterable[Goal], frames: int, fps: float, most: int | None = None
+) -> list[Reach | Heading]:
+    """Returns places of joints and headings of single frames, for goals that may hold longer.
+
+    Args:
+        goals: The goals; paths, poses and looks are left out.
+        frames: Length of the motion.
+        fps: Frames per second.
+        most: Most instants of a goal that holds; by default each of its frames.
+
+    Raises:
+        InputError: A goal is beyond the motion, or ends before it begins.
+    """
+    every: list[Reach | Heading] = []
+    for goal in goals:
+        if not isinstance(goal, Reach | Heading):
+            continue
+        if goal.until is None:
+            every.append(goal)
+            continue
+        first, last = span_of(goal, frames, fps)
+        count = min(most or last - first + 1, last - first + 1)
+        chosen = np.unique(np.linspace(first, last, count).round()).tolist()
+        every += [replace(goal, at=frame / fps, until=None) for frame in chosen]
+    return every
+
+
+def span_of(goal: Reach | Heading | LookAt | Pose, frames: int, fps: float) -> tuple[int, int]:
+    """Returns the first and the last frame of a goal.
+
+    Raises:
+        InputError: It is beyond the motion, or ends before it begins.
+    """
+    first = frame_at(goal.at, frames, fps)
+    until = None if isinstance(goal, Pose) else goal.until
+    last = first if until is None else frame_at(until, frames, fps)
+    if until is not None and until <= goal.at:
+        raise InputError(
+            f"a goal from {goal.at:g} to {until:g} s: expected an end after its beginning"
+        )
+    return first, last
 
 
 def targets_of(
@@ -180,10 +339,10 @@ def targets_of(
     skeleton: Skeleton,
     start: tuple[float, float] | None = (0.0, 0.0),
 ) -> Targets:
-    """Returns goals other than paths as arrays, after a check of each.
+    """Returns goals other than paths and looks as arrays, after a check of each.
 
     Args:
-        goals: What is wanted; paths are left out.
+        goals: What is wanted; paths and looks are left out.
         frames: Length of the motion.
         fps: Frames per second.
         skeleton: Names the joints.
@@ -192,11 +351,14 @@ def targets_of(
     Raises:
         InputError: No person could meet a goal, or it is beyond the motion.
     """
-    points: list[tuple[int, int, tuple[float, ...]]] = []
+    points: list[tuple[int, int, tuple[float, ...], int]] = []
     turns: dict[int, float] = {}
-    for goal in goals:
-        if isinstance(goal, RootPath):
-            continue
+    goals = list(goals)
+    places = instants(goals, frames, fps)
+    places += [
+        place for goal in goals if isinstance(goal, Pose) for place in goal.reaches(skeleton)
+    ]
+    for goal in places:
         frame = frame_at(goal.at, frames, fps)
         if isinstance(goal, Heading):
             if not np.isfinite(goal.degrees):
@@ -205,15 +367,17 @@ def targets_of(
                 raise InputError(f"two headings at {goal.at:g} s: leave one out")
             turns[frame] = float(np.radians(goal.degrees))
             continue
-        for place in [goal] if isinstance(goal, Reach) else goal.reaches(skeleton):
-            to = tuple(np.nan if value is None else float(value) for value in place.to)
-            points.append((frame, _joint(place.joint, skeleton), to))
+        to = tuple(np.nan if value is None else float(value) for value in goal.to)
+        origin = -1 if goal.relative_to is None else _joint(goal.relative_to, skeleton)
+        points.append((frame, _joint(goal.joint, skeleton), to, origin))
+    origins = np.array([point[3] for point in points], int)
     targets = Targets(
         np.array([point[0] for point in points], int),
         np.array([point[1] for point in points], int),
         np.array([point[2] for point in points], float).reshape(-1, 3),
         np.array(list(turns), int),
         np.array(list(turns.values()), float),
+        origins if (origins >= 0).any() else None,
     )
     if start is not None:
         check_targets(targets, fps, skeleton, start)
@@ -244,14 +408,27 @@ def check_targets(
         InputError: Two goals are for one joint at one time, or one is beyond the reach of a body
             that starts at the origin and runs as fast as people can.
     """
-    length, names = _distances(skeleton), skeleton.names
+    length, names = _distances(skeleton), _point_names(skeleton)
+    origins = np.full(len(targets.frames), -1) if targets.origins is None else targets.origins
+    seen: set[tuple[int, int]] = set()
     found: dict[tuple[int, int], np.ndarray] = {}
-    for frame, joint, place in zip(targets.frames, targets.joints, targets.places, strict=True):
+    for frame, joint, place, origin in zip(
+        targets.frames, targets.joints, targets.places, origins.tolist(), strict=True
+    ):
         key, name, at = (int(frame), int(joint)), names[joint], frame / fps
-        if key in found:
+        if key in seen:
             raise InputError(f"two goals for {name} at {at:g} s: leave one out")
         if np.isinf(place).any() or np.isnan(place).all():
             raise InputError(f"goal of {name} at {at:g} s: expected meters for x, y or z")
+        seen.add(key)
+        if origin >= 0:
+            apart, bones = float(np.linalg.norm(np.nan_to_num(place))), length[joint, origin]
+            if apart > 1.05 * bones + 0.05:
+                raise InputError(
+                    f"goal of {name} at {at:g} s is {apart:.2f} m from {names[origin]}: the bones "
+                    f"between them are {bones:.2f} m long"
+                )
+            continue
         found[key] = place
         highest = _STANDING + _JUMP + length[0, joint]
         if place[1] > highest or place[1] < -0.1:
@@ -293,6 +470,17 @@ def check_path(path: RootPath, frames: int, fps: float) -> None:
         raise InputError(
             f"points {first} and {first + 1} of the path are at one place; move or remove one"
         )
+    if path.pace is not None:
+        paces = np.atleast_1d(np.array(path.pace, float))
+        if path.at is not None:
+            raise InputError("a path has either times or a pace: leave one out")
+        if paces.ndim != 1 or len(paces) not in (1, len(points)):
+            raise InputError(f"{len(paces)} paces for {len(points)} points of a path")
+        if not (np.isfinite(paces).all() and paces.min() > 0 and paces.max() <= FASTEST):
+            raise InputError(
+                f"pace {path.pace}: expected meters per second, above 0 and at most {FASTEST:g}"
+            )
+        return
     if path.at is None:
         times = np.linspace(0, (frames - 1) / fps, 2)
         lengths = lengths.sum(keepdims=True)
@@ -317,16 +505,23 @@ def check_path(path: RootPath, frames: int, fps: float) -> None:
         )
 
 
+def _point_names(skeleton: Skeleton) -> tuple[str, ...]:
+    return (*skeleton.names, *(hand.name for hand in hand_points(skeleton)))
+
+
 def _joint(name: str, skeleton: Skeleton) -> int:
-    if name not in skeleton.names:
-        raise InputError(f"unknown joint {name!r}: {hint(name, skeleton.names)}")
-    return skeleton.names.index(name)
+    names = _point_names(skeleton)
+    if name not in names:
+        raise InputError(f"unknown joint {name!r}: {hint(name, names)}")
+    return names.index(name)
 
 
-def _distances(skeleton: Skeleton) -> Float[np.ndarray, "joints joints"]:
-    """Returns the length of the bones between any two joints, meters."""
-    bones = np.linalg.norm(skeleton.offsets, axis=-1)
+@lru_cache(maxsize=16)
+def _distances(skeleton: Skeleton) -> Float[np.ndarray, "points points"]:
+    """Returns the length of the bones between any two joints or points of hands, meters."""
+    hands = hand_points(skeleton)
+    bones = [*np.linalg.norm(skeleton.offsets, axis=-1), *(hand.beyond for hand in hands)]
     above: list[set[int]] = []
-    for joint, parent in enumerate(skeleton.parents):
+    for joint, parent in enumerate([*skeleton.parents, *(hand.wrist for hand in hands)]):
         above.append({joint} | (above[parent] if parent >= 0 else set()))
     return np.array([[sum(bones[j] for j in own ^ other) for other in above] for own in above])

@@ -9,6 +9,7 @@ while they stand, so that planted feet stay planted; the legs follow.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,7 @@ from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.leg_ik import reach as bend_leg
 from latentmotion.cleanup.pipeline import ground_path
 from latentmotion.control.goals import RootPath
+from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation.canonical import turn
 
@@ -101,7 +103,49 @@ def straight_points(
     """Returns when, and how far along the curve, the pelvis has to be: seconds and meters."""
     if path.at is not None:
         return np.array(path.at, float), curve.marks
-    return np.array([0.0, (frames - 1) / fps]), np.array([0.0, curve.length])
+    if path.pace is None:
+        return np.array([0.0, (frames - 1) / fps]), np.array([0.0, curve.length])
+    times = _paced(path, curve)
+    last = (frames - 1) / fps
+    if times[-1] > last + 1 / fps + 1e-6:
+        raise InputError(
+            f"at its pace the path of {curve.length:.1f} m takes {times[-1]:.1f} s: the motion "
+            f"lasts {last:g} s; ask for more seconds or a faster pace"
+        )
+    # Between points, too, so that the pace is kept.
+    parts = [np.linspace(a, b, max(1, round(b - a)) + 1)[:-1] for a, b in pairwise(times)]
+    every = np.append(np.concatenate(parts), times[-1])
+    return every, np.array([_along(time, times, curve.marks, path) for time in every])
+
+
+def path_seconds(path: RootPath) -> float | None:
+    """Returns how long a path takes; None where neither its times nor its pace say so."""
+    if path.at is not None:
+        return float(path.at[-1])
+    return None if path.pace is None else float(_paced(path, Curve.through(path))[-1])
+
+
+def _paces(path: RootPath) -> Float[np.ndarray, " points"]:
+    return np.broadcast_to(np.array(path.pace, float), len(path.points))
+
+
+def _paced(path: RootPath, curve: Curve) -> Float[np.ndarray, " points"]:
+    """Returns when a path passes its points at its pace, seconds."""
+    pace = _paces(path)
+    return np.cumsum([0.0, *(np.diff(curve.marks) / ((pace[1:] + pace[:-1]) / 2))])
+
+
+def _along(
+    time: float,
+    times: Float[np.ndarray, " points"],
+    marks: Float[np.ndarray, " points"],
+    path: RootPath,
+) -> float:
+    """Returns how far along a path is at a time, where its pace changes evenly between points."""
+    part = min(int(np.searchsorted(times, time, "right")) - 1, len(times) - 2)
+    pace, passed = _paces(path), time - times[part]
+    gain = (pace[part + 1] - pace[part]) / (times[part + 1] - times[part])
+    return float(marks[part] + pace[part] * passed + gain * passed**2 / 2)
 
 
 def bent(

@@ -2,8 +2,9 @@
 
     {"format": 1, "prompt": "a person walks", "seconds": 4, "seed": 7,
      "path": {"points": [[0, 0], [0, 2], [1, 3]], "at": [0, 2, 3.9]},
-     "goals": [{"joint": "right_wrist", "at": 2.5, "to": [0.3, 1.4, 2.1]}],
+     "goals": [{"joint": "right_hand", "at": 2.5, "until": 3.5, "to": [0.3, 1.4, 2.1]}],
      "headings": [{"at": 3.9, "degrees": 90}],
+     "looks": [{"at": 1, "until": 2, "to": [2, 1.6, 2]}],
      "poses": [{"at": 0, "file": "stand.npz", "frame": 0}]}
 
 Seconds, meters, y up; null leaves a coordinate free. Files of poses are found from the scene's
@@ -15,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from latentmotion.control.goals import Goal, Heading, Pose, Reach, RootPath
+from latentmotion.control.goals import Goal, Heading, LookAt, Pose, Reach, RootPath
 from latentmotion.control.timeline import PartSpan, Span
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
@@ -37,28 +38,48 @@ class ScenePath:
     """x and z of each point, meters."""
     at: tuple[float, ...] | None = None
     """Seconds at which each is passed; by default the whole path takes the whole motion."""
+    pace: tuple[float, ...] | None = None
+    """In place of times: meters per second, one number or one for each point."""
 
 
 @dataclass(frozen=True)
 class SceneGoal:
-    """A joint is at a place at a time."""
+    """A joint, or a part of a hand, is at a place at a time, or from then on until another."""
 
     joint: str
-    """Name of the joint."""
+    """Name of the joint, or `right_hand`, `right_fingertips` and the like."""
     at: float
     """Seconds."""
     to: tuple[float | None, float | None, float | None]
     """x, y and z, meters; null leaves a coordinate free."""
+    until: float | None = None
+    """Seconds until which it stays there."""
+    relative_to: str | None = None
+    """Joint from which the place counts: x to the body's left, y up, z ahead."""
 
 
 @dataclass(frozen=True)
 class SceneHeading:
-    """The body faces a direction at a time."""
+    """The body faces a direction at a time, or from then on until another."""
 
     at: float
     """Seconds."""
     degrees: float
     """0 is +z, 90 is +x."""
+    until: float | None = None
+    """Seconds until which it faces there."""
+
+
+@dataclass(frozen=True)
+class SceneLook:
+    """The eyes look at a point at a time, or from then on until another."""
+
+    at: float
+    """Seconds."""
+    to: tuple[float, float, float]
+    """x, y and z, meters."""
+    until: float | None = None
+    """Seconds until which they look there."""
 
 
 @dataclass(frozen=True)
@@ -115,12 +136,16 @@ class Scene:
     """Places of joints."""
     headings: tuple[SceneHeading, ...] = ()
     """Directions of the body."""
+    looks: tuple[SceneLook, ...] = ()
+    """Points that the eyes look at."""
     poses: tuple[ScenePose, ...] = ()
     """Whole poses."""
     timeline: tuple[SceneSpan, ...] = ()
     """Prompts one after the other, in place of prompt, seconds and goals."""
     timeline_parts: tuple[ScenePartSpan, ...] = ()
     """What parts of the body do during the timeline."""
+    loop: bool = False
+    """Whether it is a seamless cycle: the last frame is the first, farther along its path."""
 
     def spans(self) -> list[Span]:
         """Returns the timeline for `generate_timeline`."""
@@ -145,9 +170,10 @@ class Scene:
         """
         found: list[Goal] = []
         if self.path is not None:
-            found.append(RootPath(self.path.points, self.path.at))
-        found += [Reach(goal.joint, goal.at, goal.to) for goal in self.goals]
-        found += [Heading(goal.at, goal.degrees) for goal in self.headings]
+            found.append(RootPath(**vars(self.path)))
+        found += [Reach(**vars(goal)) for goal in self.goals]
+        found += [Heading(**vars(goal)) for goal in self.headings]
+        found += [LookAt(**vars(look)) for look in self.looks]
         found += [Pose(pose.at, Motion.load(folder / pose.file), pose.frame) for pose in self.poses]
         return found
 
@@ -162,7 +188,7 @@ def read_scene(path: Path) -> Scene:
     scene = read_json(Scene, path)
     if scene.format != FORMAT:
         raise InputError(f"{path}: format {scene.format}, expected {FORMAT}; update latentmotion")
-    most = dict.fromkeys(("goals", "headings", "poses"), MOST_GOALS)
+    most = dict.fromkeys(("goals", "headings", "looks", "poses"), MOST_GOALS)
     for name, count in {**most, "timeline": MOST_SPANS, "timeline_parts": MOST_SPANS}.items():
         if len(getattr(scene, name)) > count:
             found = f"{len(getattr(scene, name)):,} {name}"
@@ -171,15 +197,19 @@ def read_scene(path: Path) -> Scene:
         found = f"a path of {len(scene.path.points):,} points"
         raise InputError(f"{path}: {found}, expected at most {MOST_GOALS}; leave some out")
     single = scene.prompt or scene.seconds is not None or scene.path or scene.goals
-    if scene.timeline and (single or scene.headings or scene.poses):
+    if scene.timeline and (single or scene.headings or scene.looks or scene.poses):
         raise InputError(f"{path}: a timeline has no prompt, length or goals")
+    if scene.loop and (scene.timeline or scene.path or scene.goals or scene.poses):
+        raise InputError(f"{path}: a loop has no timeline or goals")
     if scene.timeline_parts and not scene.timeline:
         raise InputError(f"{path}: timeline_parts needs a timeline that the whole body follows")
     return scene
 
 
 def parse_reach(text: str) -> Reach:
-    """Reads `right_wrist@2.5=.3,1.4,2.1`, as the command line has it; `_` leaves one free.
+    """Reads `right_hand@2.5-4=.3,1.4,2.1`, as the command line has it; `_` leaves one free.
+
+    A joint and a colon before the place, `left_hand:-.4,0,0`, are what it counts from.
 
     Raises:
         InputError: It is not of that form.
@@ -187,30 +217,63 @@ def parse_reach(text: str) -> Reach:
     try:
         name, _, rest = text.partition("@")
         at, _, place = rest.partition("=")
+        origin, _, place = place.rpartition(":")
         x, y, z = (None if value.strip() == "_" else float(value) for value in place.split(","))
-        return Reach(name.strip(), float(at), (x, y, z))
+        start, until = _times(at)
+        return Reach(name.strip(), start, (x, y, z), until, origin.strip() or None)
     except ValueError as error:
         raise InputError(
-            f"--reach {text}: expected JOINT@SECONDS=X,Y,Z, such as right_wrist@2.5=.3,1.4,2.1; "
-            "_ leaves a coordinate free"
+            f"--reach {text}: expected JOINT@SECONDS=X,Y,Z or JOINT@START-END=X,Y,Z, such as "
+            "right_hand@2.5-4=.3,1.4,2.1; _ leaves a coordinate free, and JOINT:X,Y,Z counts from "
+            "a joint"
         ) from error
 
 
 def parse_heading(text: str) -> Heading:
-    """Reads `90@2.5`, degrees and seconds.
+    """Reads `90@2.5` or `90@2.5-4`, degrees and seconds.
 
     Raises:
         InputError: It is not of that form.
     """
     try:
         degrees, at = text.split("@")
-        return Heading(float(at), float(degrees))
+        start, until = _times(at)
+        return Heading(start, float(degrees), until)
     except ValueError as error:
-        raise InputError(f"--heading {text}: expected DEGREES@SECONDS, such as 90@2.5") from error
+        raise InputError(
+            f"--heading {text}: expected DEGREES@SECONDS or DEGREES@START-END, such as 90@2.5"
+        ) from error
 
 
-def parse_path(text: str) -> RootPath:
+def parse_look(text: str) -> LookAt:
+    """Reads `2,1.6,2@1-3`, a point and seconds.
+
+    Raises:
+        InputError: It is not of that form.
+    """
+    try:
+        place, at = text.split("@")
+        x, y, z = map(float, place.split(","))
+        start, until = _times(at)
+        return LookAt(start, (x, y, z), until)
+    except ValueError as error:
+        raise InputError(
+            f"--look-at {text}: expected X,Y,Z@SECONDS or X,Y,Z@START-END, such as 2,1.6,2@1-3"
+        ) from error
+
+
+def _times(text: str) -> tuple[float, float | None]:
+    """Reads `2.5` or `2.5-4`."""
+    start, dash, end = text[1:].partition("-")
+    return float(text[:1] + start), float(end) if dash else None
+
+
+def parse_path(text: str, pace: tuple[float, ...] = ()) -> RootPath:
     """Reads `0,0@0 0,2@2 1,3@4`, as the command line has it, or the points without times.
+
+    Args:
+        text: The points.
+        pace: Meters per second, in place of times.
 
     Raises:
         InputError: It is not of that form.
@@ -226,4 +289,4 @@ def parse_path(text: str) -> RootPath:
         raise InputError(f"--path: {word!r}: expected X,Z or X,Z@SECONDS, such as 0,2@2") from error
     if times and len(times) != len(points):
         raise InputError(f"--path: {len(times)} of {len(points)} points have times: all or none")
-    return RootPath(points, times or None)
+    return RootPath(points, times or None, pace or None)

@@ -26,7 +26,7 @@ from latentmotion.control.generator import (
     metadata_of,
 )
 from latentmotion.control.reach import DecodedMotion
-from latentmotion.engine.request import GenerationRequest
+from latentmotion.engine.request import USUAL_SECONDS, GenerationRequest
 from latentmotion.errors import FileFormatError
 from latentmotion.model.config import STRIDE
 from latentmotion.motion import Motion
@@ -88,23 +88,25 @@ def generate_stream(
 def generate_loop(
     generator: Generator,
     prompt: str,
-    seconds: float,
+    seconds: float | None = None,
     seed: int = 0,
     steps: int | None = None,
     guidance: float | None = None,
+    straight: bool = True,
 ) -> Motion:
     """Generates one turn of a seamless cycle, such as a step of a walk.
 
-    The frame after its last is its first, farther along its path; `cleaned` with `in_place` takes
-    the path away, but clean-up knows nothing of the cycle and may leave a small seam.
+    Its last frame is its first, farther along its path, as programs that play loops expect;
+    `cleaned(in_place=True)` takes the path away. Clean-up keeps the ends together.
 
     Args:
         generator: The model.
         prompt: What the person does.
-        seconds: Length of a turn, rounded to 0.2 s.
+        seconds: Length of a turn, rounded to 0.2 s; by default as predicted from the prompt.
         seed: Seed of the noise.
         steps: Sampling steps, 2 or more; by default the model's own.
         guidance: Guidance scale; by default the model's own.
+        straight: Whether it ends facing as it begins, so that many turns go straight ahead.
 
     Raises:
         InputError: A number is out of range.
@@ -112,14 +114,20 @@ def generate_loop(
     """
     sampling = generator.card.sampling.but(steps, guidance, None)
     space, motion = generator.representation, decoders_of(generator)
+    if seconds is None:
+        (seconds,) = generator.usual_seconds([prompt]) or [USUAL_SECONDS]
     tokens = max(1, round(seconds * space.fps / STRIDE))
     request = GenerationRequest((prompt,), (STRIDE * tokens,), (seed,), sampling)
     request.check(generator.card, space.fps)
     z = latents_of(generator, request)(STRIDE * tokens, lambda clean: clean)
     known = known_latents_of(generator, request)
     features = looped(z, known, motion, margin_of(generator), seed)
-    joints = np.asarray(space.decode(features), np.float32)
-    about = metadata_of(generator, seed, sampling)
+    if straight:  # what it turns by is given back evenly
+        yaw = space.blocks["yaw_velocity"]
+        features[:, yaw] -= features[:, yaw].mean(axis=0)
+    closed = np.concatenate([features, features[:1]])
+    joints = np.asarray(space.decode(closed), np.float32)
+    about = {**metadata_of(generator, seed, sampling), "loop": True}
     return Motion(joints, space.fps, space.skeleton, prompt, about)
 
 

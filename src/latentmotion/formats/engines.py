@@ -1,7 +1,10 @@
 """Figures for other programs: a game engine's names of bones, or the skeleton of a mocap data set.
 
-Engines. The root bone carries root motion, the path along the floor without the sway of the steps;
-the pelvis moves relative to it. Axes and unit are the format's; engines convert them on import.
+Engines. The root bone carries root motion: the path along the floor and the heading, both without
+the sway of the steps; the pelvis moves relative to it. In the first and the last frame the root has
+the pelvis' place and the body's heading, so that clips played by their root motion follow each
+other as `Motion.joined` puts them. Mixamo's figures have no such bone: all is on the hips. Axes and
+unit are the format's; engines convert them on import.
 
 Data sets. Readers of research code expect the names, the order of joints, the unit and the local
 axes of LAFAN1 or CMU, and three channels a joint. The body keeps its own lengths.
@@ -18,16 +21,20 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import unit
+from latentmotion.cleanup.loops import is_loop, turns_beside, unrolled
 from latentmotion.cleanup.pipeline import ground_path
+from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.errors import InputError
 from latentmotion.formats.bvh import OURS, BvhLayout
 from latentmotion.kinematics.bone_names import SIDES
+from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.kinematics.standing import METERS_PER_UNIT, rebased
 from latentmotion.motion import Motion
 from latentmotion.render.mannequin import Mannequin, make_mannequin
+from latentmotion.representation.canonical import heading
 
-EngineName = Literal["unreal", "unity", "lafan", "cmu"]
+EngineName = Literal["unreal", "unity", "godot", "mixamo", "lafan", "cmu"]
 
 
 @dataclass(frozen=True)
@@ -35,7 +42,7 @@ class Engine:
     """Conventions of a game engine for figures."""
 
     root: str
-    """Name of the root bone."""
+    """Name of the root bone; empty where the hips are the root."""
     names: Mapping[str, str]
     """HumanML3D's joint → the bone."""
     fps: float
@@ -51,6 +58,15 @@ class Engine:
     """Whether bones lie along their own x, as LAFAN1's do."""
 
 
+_HUMANOID = (
+    "Root",
+    "Hips Spine Chest UpperChest Neck Head",
+    "@UpperLeg @LowerLeg @Foot @Toes @Shoulder @UpperArm @LowerArm @Hand",
+    ("Left", "Right"),
+)
+"""Names of Unity's humanoid and of Godot's `SkeletonProfileHumanoid`."""
+
+
 def _engine(root: str, middle: str, side: str, marks: tuple[str, str]) -> Engine:
     parts = ["pelvis", "spine1", "spine2", "spine3", "neck", "head"]
     names = dict(zip(parts, middle.split(), strict=True))
@@ -60,6 +76,9 @@ def _engine(root: str, middle: str, side: str, marks: tuple[str, str]) -> Engine
         names |= {f"{whole}_{limb}": word for limb, word in zip(limbs, words, strict=True)}
     return Engine(root, names, 30.0)
 
+
+_SWAY = 0.25
+"""Standard deviation, seconds, of the Gaussian that takes the sway of steps out of root motion."""
 
 _LAFAN_SIDE = (
     *("UpLeg Hips hip", "Leg UpLeg knee", "Foot Leg ankle", "Toe Foot foot"),
@@ -111,10 +130,27 @@ ENGINES: Mapping[EngineName, Engine] = MappingProxyType(
             "thigh_@ calf_@ foot_@ ball_@ clavicle_@ upperarm_@ lowerarm_@ hand_@",
             ("l", "r"),
         ),
-        "unity": _engine(
-            "Root",
-            "Hips Spine Chest UpperChest Neck Head",
-            "@UpperLeg @LowerLeg @Foot @Toes @Shoulder @UpperArm @LowerArm @Hand",
+        "unity": _engine(*_HUMANOID),
+        "godot": _engine(*_HUMANOID),
+        "mixamo": _engine(
+            "",
+            " ".join(
+                f"mixamorig:{bone}"
+                for bone in ["Hips", "Spine", "Spine1", "Spine2", "Neck", "Head"]
+            ),
+            " ".join(
+                f"mixamorig:@{bone}"
+                for bone in [
+                    "UpLeg",
+                    "Leg",
+                    "Foot",
+                    "ToeBase",
+                    "Shoulder",
+                    "Arm",
+                    "ForeArm",
+                    "Hand",
+                ]
+            ),
             ("Left", "Right"),
         ),
         "lafan": Engine(
@@ -155,23 +191,52 @@ def for_engine(motion: Motion, name: EngineName) -> Motion:
         )
     if engine.tree:
         return _figure(motion, _of_data_set(name, engine, animation))
+    names = [engine.names[joint] for joint in old.names]
+    if not engine.root:
+        renamed = replace(old, name=name, names=tuple(names))
+        return _figure(motion, replace(animation, skeleton=renamed))
     height = -old.rest_joints()[:, 1].min()
     skeleton = Skeleton(
         name=name,
-        names=(engine.root, *(engine.names[joint] for joint in old.names)),
+        names=(engine.root, *names),
         parents=(-1, *(parent + 1 for parent in old.parents)),
         offsets=np.concatenate([[(0, 0, 0), (0, height, 0)], old.offsets[1:]]),
         left_foot=tuple(joint + 1 for joint in old.left_foot),
         right_foot=tuple(joint + 1 for joint in old.right_foot),
     )
-    path = ground_path(animation.root_positions[:, None], motion.fps)
+    path, yaw = root_motion(motion)
+    facing = matrix_from_axis_angle(yaw[:, None] * np.array([0.0, 1.0, 0.0]))
+    back = np.swapaxes(facing, -1, -2)
     translations = np.tile(skeleton.offsets, (len(motion), 1, 1))
     if animation.translations is not None:
         translations[:, 2:] = animation.translations[:, 1:]
-    translations[:, 1] = animation.root_positions - path
-    still = np.tile(np.eye(3), (len(motion), 1, 1, 1))
-    rotations = np.concatenate([still, animation.rotations], axis=1)
+    translations[:, 1] = np.einsum("fab,fb->fa", back, animation.root_positions - path)
+    rotations = np.concatenate([facing[:, None], animation.rotations], axis=1)
+    rotations[:, 1] = back @ rotations[:, 1]
     return _figure(motion, Animation(skeleton, rotations, path, motion.fps, translations))
+
+
+def root_motion(
+    motion: Motion,
+) -> tuple[Float[np.ndarray, "frames 3"], Float[np.ndarray, " frames"]]:
+    """Returns the path of a body along the floor and its heading, without the sway of the steps.
+
+    Both begin and end with the pelvis' place and the body's heading; of a loop they are smooth
+    beyond its ends.
+
+    Args:
+        motion: Any motion with hips and shoulders.
+    """
+    beside = turns_beside(motion) if is_loop(motion) else 0
+    whole = unrolled(motion, beside, beside) if beside else motion
+    joints = whole.joints.astype(np.float64)
+    yaw = gaussian(np.unwrap(heading(joints, whole.skeleton)), _SWAY * motion.fps)
+    path = ground_path(joints, motion.fps, _SWAY)
+    if not beside:
+        return path, yaw
+    first = beside * (len(motion) - 1)
+    kept = slice(first, first + len(motion))
+    return path[kept], yaw[kept]
 
 
 def _figure(motion: Motion, animation: Animation) -> Motion:
@@ -223,8 +288,11 @@ def _axes_along_x(skeleton: Skeleton) -> Float[np.ndarray, "joints 3 3"]:
 
 def mannequin_of(skeleton: Skeleton) -> Mannequin:
     """Returns the mannequin of a skeleton, also of one with an engine's bones."""
-    if skeleton.name not in ENGINES or len(skeleton) != len(HUMANML3D) + 1:
+    if skeleton.name not in ENGINES or len(skeleton) > len(HUMANML3D) + 1:
         return make_mannequin(skeleton)
+    if len(skeleton) == len(HUMANML3D):
+        body = make_mannequin(replace(HUMANML3D, offsets=skeleton.offsets))
+        return replace(body, skeleton=skeleton)
     offsets = np.concatenate([np.zeros((1, 3)), skeleton.offsets[2:]])
     body = make_mannequin(replace(HUMANML3D, offsets=offsets))
     vertices = body.vertices + skeleton.offsets[1]

@@ -169,6 +169,7 @@ def _animation(
             add(joint, "translation", (offsets @ axes.above[joint]).astype("f4"))
     extras = {"caption": motion.caption, "fps": motion.fps, **motion.metadata}
     name = f"{number}: {motion.caption}" if motion.caption else f"take {number}"
+    name = str(motion.metadata.get("state", name))  # a clip of a state machine
     return {"name": name, "channels": channels, "samplers": samplers, "extras": extras}
 
 

@@ -174,4 +174,4 @@ def best_of(takes: Sequence[Take]) -> Motion:
     """Returns the best take's motion, cleaned up if it was, whose metadata tell of all takes."""
     first = takes[0].cleaned or takes[0].motion
     about = {**first.metadata, "best_of": [take.about() for take in takes]}
-    return replace(first, metadata=about)
+    return replace(first, metadata=about).with_recorded(first.recorded)

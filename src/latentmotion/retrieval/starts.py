@@ -171,6 +171,16 @@ class ClipStarts:
             )
         ]
 
+    def nearest_start(self, reading: Reading, frames: int, seed: int) -> ClipStart:
+        """Returns a start from the clips nearest to a sentence, however usual its movement is.
+
+        Args:
+            reading: The sentence.
+            frames: Length of the motion.
+            seed: Takes turns among the clips.
+        """
+        return self.start([self._choice(reading.prompt)], frames, seed)
+
     def start(self, choices: Sequence[Choice], frames: int | None, seed: int) -> ClipStart:
         """Returns what a motion starts from.
 

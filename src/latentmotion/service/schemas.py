@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from latentmotion.control.goals import Goal, Heading, Reach, RootPath
+from latentmotion.control.goals import Goal, Heading, LookAt, Reach, RootPath
 from latentmotion.control.timeline import PartSpan, Span
 from latentmotion.corrections import Corrections
 from latentmotion.diffusion.samplers import SamplerName
@@ -103,23 +103,40 @@ class RequestModel(BaseModel):
 
 
 class JointGoal(RequestModel):
-    """A joint is at a place at a time."""
+    """A joint, or a part of a hand, is at a place at a time, or from then on until another."""
 
     joint: str = Field(max_length=100, examples=["right_wrist"])
-    """Name of the joint."""
+    """Name of the joint, or `right_hand`, `right_fingertips` and the like."""
     at: Number
     """Seconds."""
     to: tuple[Number | None, Number | None, Number | None]
     """x, y and z, meters; null leaves a coordinate free."""
+    until: Number | None = None
+    """Seconds until which it stays there."""
+    relative_to: str | None = Field(None, max_length=100)
+    """Joint from which the place counts: x to the body's left, y up, z ahead."""
 
 
 class HeadingGoal(RequestModel):
-    """The body faces a direction at a time."""
+    """The body faces a direction at a time, or from then on until another."""
 
     at: Number
     """Seconds."""
     degrees: Number
     """0 is +z, 90 is +x."""
+    until: Number | None = None
+    """Seconds until which it faces there."""
+
+
+class LookGoal(RequestModel):
+    """The eyes look at a point at a time, or from then on until another."""
+
+    at: Number
+    """Seconds."""
+    to: tuple[Number, Number, Number]
+    """x, y and z, meters."""
+    until: Number | None = None
+    """Seconds until which they look there."""
 
 
 class PathGoal(RequestModel):
@@ -129,6 +146,8 @@ class PathGoal(RequestModel):
     """x and z of each point, meters."""
     at: list[Number] | None = Field(None, max_length=MOST_GOALS)
     """Seconds at which each is passed."""
+    pace: list[Number] | None = Field(None, max_length=MOST_GOALS)
+    """In place of times: meters per second, one number or one for each point."""
 
 
 class SpanOfTimeline(RequestModel):
@@ -189,9 +208,12 @@ class SceneRequest(_Sampled):
     seed: Seed = 0
     goals: list[JointGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     headings: list[HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    looks: list[LookGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     path: PathGoal | None = None
     timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=MOST_SPANS)
     timeline_parts: list[PartOfTimeline] = Field(default_factory=list, max_length=MOST_SPANS)
+    loop: bool = False
+    """Whether the last frame is the first, farther along a straight path."""
 
     def prompts(self) -> list[Prompt]:
         """Returns the prompt for the queue."""
@@ -215,10 +237,10 @@ class SceneRequest(_Sampled):
         """Returns the goals for `MotionPipeline`."""
         goals: list[Goal] = []
         if self.path is not None:
-            times = None if self.path.at is None else tuple(self.path.at)
-            goals.append(RootPath(tuple(self.path.points), times))
-        goals += [Reach(goal.joint, goal.at, goal.to) for goal in self.goals]
-        return goals + [Heading(goal.at, goal.degrees) for goal in self.headings]
+            goals.append(RootPath(**vars(self.path)))
+        goals += [Reach(**vars(goal)) for goal in self.goals]
+        goals += [Heading(**vars(goal)) for goal in self.headings]
+        return goals + [LookAt(**vars(look)) for look in self.looks]
 
 
 class MotionRequest(SceneRequest):

@@ -15,6 +15,7 @@ from starlette.requests import Request
 
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp
+from latentmotion.control.stream import generate_loop
 from latentmotion.control.timeline import generate_timeline
 from latentmotion.errors import LatentMotionError
 from latentmotion.formats.content import encoded
@@ -182,7 +183,12 @@ class Service:
         pipeline, seconds = self.pipeline, until - time.monotonic()
         goals, sampled = request.all_goals(), (request.steps, request.guidance)
         settings, parts = request.settings(request.seconds is None), request.part_spans()
-        if request.timeline:
+        if request.loop and (request.timeline or goals or request.sampler):
+            raise Problem(422, "a loop has no timeline, sampler or goals")
+        if request.loop:
+            about = request.prompt, request.seconds, request.seed, *sampled
+            make = partial(generate_loop, pipeline, *about)
+        elif request.timeline:
             if goals or request.prompt or request.seconds is not None or request.sampler:
                 raise Problem(422, "a timeline has no prompt, seconds, sampler or goals")
             spans = request.spans()

@@ -232,6 +232,7 @@ class Library:
                     "after_cm": 1e2 * goal["after"],
                 }
                 for goal in motion.metadata.get("goals", ())
+                if "unit" not in goal  # those of angles
             ]
             takes.append(
                 StoredTake(

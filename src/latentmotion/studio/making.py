@@ -151,8 +151,6 @@ def check(recipe: Recipe) -> None:
             "a timeline has prompts and lengths of its own; leave prompt and seconds out"
         )
     recipe.part_spans()
-    if recipe.loop and recipe.seconds is None:
-        raise InputError("a loop needs its length; give seconds")
     if recipe.edit is not None and recipe.seconds is not None:
         raise InputError("an edit is as long as the part it replaces; leave seconds out")
 
@@ -170,7 +168,6 @@ def _generated(
         motions = [generate_timeline(pipeline, spans, seed, *sampled, parts) for seed in seeds]
         return clean_batch(motions, steps) if steps else motions
     if recipe.loop:
-        assert seconds is not None  # `check` has looked
         motions = [generate_loop(pipeline, prompt, seconds, seed, *sampled) for seed in seeds]
         return clean_batch(motions, steps) if steps else motions
     goals = [*recipe.all_goals(), *_poses(recipe, source)]

@@ -123,8 +123,6 @@ class Recipe(SceneRequest):
     """Whole poses."""
     start: Id | None = None
     """The take in whose last pose the motion begins."""
-    loop: bool = False
-    """The frame after the last is the first, farther along the path."""
     edit: Edit | None = None
     """The part of a take that is generated anew."""
     between: Transition | None = None

@@ -1,0 +1,71 @@
+"""Loops: motions whose last frame is their first, farther along their path.
+
+Filters, foot locks and the path of the root would treat the ends of a turn as ends. So a turn is
+cleaned up between turns before and after it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.motion import Motion
+from latentmotion.representation.canonical import heading, turn
+
+_BESIDE = 3.0
+"""Seconds of further turns on either side of the one that is kept."""
+
+
+def is_loop(motion: Motion) -> bool:
+    """Returns whether a motion says that its last frame is its first, farther along its path."""
+    return motion.metadata.get("loop") is True and len(motion) > 2
+
+
+def turn_of(motion: Motion) -> tuple[float, Float[np.ndarray, " 3"]]:
+    """Returns what a turn of a loop does: radians about the start, and meters along the floor."""
+    first, last = motion.joints[0].astype(np.float64), motion.joints[-1].astype(np.float64)
+    angle = float(heading(last, motion.skeleton) - heading(first, motion.skeleton))
+    return (angle + np.pi) % (2 * np.pi) - np.pi, (last[0] - first[0]) * (1, 0, 1)
+
+
+def turns_beside(motion: Motion) -> int:
+    """Returns how many turns to either side a turn is cleaned up with."""
+    return int(np.ceil(_BESIDE * motion.fps / (len(motion) - 1)))
+
+
+def unrolled(motion: Motion, before: int, after: int) -> Motion:
+    """Returns a loop with turns before and after its own, which stays where it is.
+
+    Args:
+        motion: One turn.
+        before: Turns before it.
+        after: Turns after it.
+    """
+    angle, step = turn_of(motion)
+    one, start = motion.joints[:-1].astype(np.float64), motion.joints[0, 0] * (1.0, 0.0, 1.0)
+    places = {0: start}
+    for number in range(1, max(before, after) + 1):
+        places[number] = places[number - 1] + turn(step, np.array((number - 1) * angle))
+        places[-number] = places[1 - number] - turn(step, np.array(-number * angle))
+    turns = [
+        turn(one - start, np.array(number * angle)) + places[number]
+        for number in range(-before, after + 1)
+    ]
+    about = {name: it for name, it in motion.metadata.items() if name != "loop"}
+    joints = np.concatenate(turns).astype(np.float32)
+    return replace(motion, joints=joints, metadata=about)
+
+
+def rolled_up(whole: Motion, motion: Motion) -> Motion:
+    """Returns the turn in the middle of what `unrolled` made of a loop, with its closing frame.
+
+    Args:
+        whole: As many turns before as after the one that is kept, or one less after it.
+        motion: The loop as it was.
+    """
+    count = len(motion) - 1
+    first = turns_beside(motion) * count
+    joints = whole.joints[first : first + count + 1]
+    return replace(motion, joints=joints, metadata={**whole.metadata, "loop": True})

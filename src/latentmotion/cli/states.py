@@ -1,0 +1,133 @@
+"""`latentmotion set`: clips of a state machine, in one file for a game engine or a character."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from tyro.conf import arg
+
+from latentmotion import formats
+from latentmotion.cli import options
+from latentmotion.cli.loading import load_generator
+from latentmotion.control.direct import sliding_in_contact
+from latentmotion.control.states import generate_states, parse_state
+from latentmotion.engine.backend import ExecutionOptions
+from latentmotion.errors import InputError
+from latentmotion.formats.engines import ENGINES, EngineName, for_engine
+from latentmotion.kinematics.skeleton import check_fps
+from latentmotion.model.card import DEFAULT
+from latentmotion.motion import Motion
+from latentmotion.retarget import read_rig, transfer
+from latentmotion.storage.files import atomic_file, cache_folder, check_writable
+
+
+@dataclass(frozen=True)
+class ClipSet:
+    """Make clips of a state machine: loops and single moves that begin and end in one pose.
+
+    Beside the file: .events.csv (when feet touch the floor, for notifies and animation events) and
+    .set.json (speeds, lengths, loops, root motion).
+
+    Examples:
+        latentmotion set -o hero.glb --states idle walk run "turn left 90" "turn right 180" jump
+        latentmotion set -o hero.fbx --to character.fbx --states idle walk@1.4 run@3.5
+    """
+
+    output: Annotated[Path, arg(aliases=["-o"])]
+    """File to write: .glb, .gltf or .fbx with a clip for each state; .bvh, a file for each."""
+    states: tuple[str, ...] = ("idle", "walk", "run")
+    """States: idle, walk, run, jog, "walk backward", jump, wave, kick, punch, "turn left 90", or
+    NAME=SENTENCE, NAME=loop:SENTENCE. walk@1.4 is a loop at 1.4 m/s."""
+    to: Path | None = None
+    """Your character: .glb, .gltf, .vrm, .fbx or .bvh; by default the mannequin."""
+    preset: EngineName = "unity"
+    """Names of the mannequin's bones; its root bone carries the root motion."""
+    fps: float = 30.0
+    """Frames per second of the clips."""
+    seed: options.Seed = 0
+    takes: int = 4
+    """Loops of each length, and single moves, that are compared."""
+    model: str = DEFAULT
+    """Name or folder of the model."""
+    threads: options.Threads = None
+
+    def run(self) -> None:
+        """Generates the clips and writes them.
+
+        Raises:
+            InputError: A state, a number or the file cannot be used.
+            LatentMotionError: The character or the model cannot be read.
+        """
+        states = [parse_state(text) for text in self.states]
+        check_fps(self.fps)
+        if self.takes < 1:
+            raise InputError(f"--takes {self.takes}: expected 1 or more")
+        formats.check_ending(self.output)
+        check_writable(self.output)
+        rig = read_rig(self.to) if self.to is not None else None
+        if rig is not None:
+            transfer.check_output(rig, self.output)
+        elif self.output.suffix.lower() not in ENGINES[self.preset].endings:
+            expected = " or ".join(ENGINES[self.preset].endings)
+            raise InputError(f"--preset {self.preset}: {self.output} is none of {expected}")
+        computing = ExecutionOptions(options.AUTO)
+        generator = load_generator(
+            self.model, "auto", self.threads, None, computing, cache_folder()
+        )
+        clips = generate_states(generator, states, self.seed, self.takes)
+        clips = [clip.resampled(self.fps) for clip in clips]
+        if rig is None:
+            written = formats.save(self.output, [for_engine(clip, self.preset) for clip in clips])
+        else:
+            root: transfer.RootMotion = "root" if rig.root_motion_bone else "pelvis"
+            names = [state.name for state in states]
+            written = transfer.write(self.output, rig, clips, None, names, root)
+        written += _write_tables(self.output, clips)
+        for clip in clips:
+            about = clip.metadata
+            kind = "loop" if about.get("loop") else f"turns {about['degrees']:g}°"
+            steps = sum(event["event"].endswith("down") for event in about["events"])
+            print(
+                f"{about['state']}: {(len(clip) - 1) / clip.fps:.2f} s, {kind}, "
+                f"{about['speed']:.2f} m/s, {steps} steps, feet slide "
+                f"{1e2 * sliding_in_contact(clip):.1f} cm/s"
+            )
+        print("\n".join(f"wrote {path}" for path in written))
+
+
+def _write_tables(output: Path, clips: Sequence[Motion]) -> list[Path]:
+    """Writes events as CSV, and what a state machine has to know of the clips as JSON."""
+    lines = ["clip,event,seconds,frame"]
+    entries: list[dict[str, Any]] = []
+    for clip in clips:
+        about, fps = clip.metadata, clip.fps
+        for event in about["events"]:
+            frame = round(event["time"] * fps)
+            lines.append(f"{about['state']},{event['event']},{event['time']:.4f},{frame}")
+        step = (clip.joints[-1, 0] - clip.joints[0, 0]).tolist()
+        entries.append(
+            {
+                "state": about["state"],
+                "prompt": clip.caption,
+                "loop": about.get("loop", False),
+                "seconds": round((len(clip) - 1) / fps, 4),
+                "fps": fps,
+                "speed": about["speed"],
+                "root_motion": {
+                    "x": round(step[0], 4),
+                    "z": round(step[2], 4),
+                    "degrees": about["degrees"],
+                },
+                "events": about["events"],
+            }
+        )
+    table, events = output.with_suffix(".set.json"), output.with_suffix(".events.csv")
+    content = {"format": 1, "clips": entries}
+    for path, text in ((table, json.dumps(content, indent=1)), (events, "\n".join(lines))):
+        with atomic_file(path) as temporary:
+            temporary.write_text(text + "\n", encoding="utf-8")
+    return [table, events]
