@@ -34,6 +34,15 @@ async function main() {
   page.on("console", (line) => ["error", "warning"].includes(line.type()) && errors.push(line.text()));
   await page.goto(`http://127.0.0.1:${server.address().port}/`);
   await page.waitForFunction("window.ready");
+  if (job.fade) {
+    const { names, hold, blend, pictures } = job.fade;
+    await page.exposeFunction("photograph", (n) => page.screenshot({ path: pictures[n] }));
+    const about = ["/a.glb", names, hold, blend, Object.keys(pictures).map(Number)];
+    const frames = await page.evaluate((given) => window.fade(...given), about);
+    fs.writeFileSync(job.result, JSON.stringify({ frames, errors }));
+    await browser.close();
+    return server.close();
+  }
   const result = await page.evaluate(([a, t]) => window.play(a, t), ["/a" + path.extname(job.path), job.times]);
   result.lowest = [];
   for (const [take, time, picture] of job.pictures) {

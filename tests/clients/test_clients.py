@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion import formats
+from latentmotion import MotionPipeline, formats
+from latentmotion.control.states import generate_states, parse_state
+from latentmotion.formats.engines import for_engine
 from latentmotion.motion import Motion
 from tests.clients.clients import Seen, in_blender, in_browser, in_usd, measure, takes, validate
 from tests.clients.conftest import Row, Table
@@ -198,3 +200,25 @@ def test_pictures_side_by_side(results):
         label = "glb in three.js" if name == "three" else f"{name} in Blender"
         ImageDraw.Draw(sheet).text((8, row * height + 6), label, "black")
     sheet.save(results / "clients.png")
+
+
+def test_clips_of_a_state_machine_fade_into_each_other(node_modules, chromium, tmp_path):
+    generate = MotionPipeline.from_pretrained("fast", "onnxruntime", 1)
+    states = [parse_state(state) for state in ("idle", "walk", "run", "turn left 90")]
+    clips = [clip.resampled(30) for clip in generate_states(generate, states, takes=2)]
+    formats.save(tmp_path / "a.glb", [for_engine(clip, "unity") for clip in clips])
+    names = ["idle", "walk", "run", "walk", "idle", "turn left 90"]
+    shown = {n: str(tmp_path / f"fade_{n}.png") for n in (30, 96, 150, 192, 285, 380)}
+    fade = {"names": names, "hold": 1.5, "blend": 0.4, "pictures": shown}
+    seen = in_browser(
+        node_modules,
+        {"path": str(tmp_path / "a.glb"), "fade": fade, "chromium": chromium},
+        tmp_path,
+    )
+    assert not [error for error in seen["errors"] if "GPU stall" not in error]
+    frames = np.array(seen["frames"])
+    steps = np.linalg.norm(np.diff(frames, axis=0), axis=-1).max(axis=-1)
+    fading = np.array([(n / 60) % 1.5 < 0.4 and n >= 90 for n in range(1, len(frames))])
+    # While one clip fades into another nothing moves faster than in a run.
+    assert steps[fading].max() < 1.1 * steps[~fading].max()
+    assert steps.max() < 0.2
