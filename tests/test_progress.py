@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import sys
-from contextlib import redirect_stderr
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from threading import Event
 
 import pytest
 
@@ -35,6 +36,25 @@ def test_terminals_see_how_many_are_done_and_the_time_left(terminal: Terminal) -
         assert list(counted(iter("abcd"), "reading", total=4)) == list("abcd")
     assert "reading" in terminal.getvalue()
     assert "0/4" in terminal.getvalue() and "<" in terminal.getvalue()
+
+
+def test_a_silent_minute_ends_with_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "SILENT", 0.05)
+    error, out = io.StringIO(), io.StringIO()
+    with redirect_stderr(error), redirect_stdout(out), shown_progress():
+        for number in counted(range(3), "joints → features"):
+            if number == 1:
+                told = Event()
+                while "features" not in error.getvalue():
+                    told.wait(0.01)
+        print("a line of its own")
+        stream = sys.stdout
+    assert "still running after 0 min, joints → features 2 of 3\n" in error.getvalue()
+    assert out.getvalue() == "a line of its own\n"
+    assert sys.stdout is not stream
+    with redirect_stderr(error), shown_progress(quiet=True):
+        assert list(counted(range(3), "reading")) == [0, 1, 2]
+    assert "reading" not in error.getvalue()
 
 
 def test_resumed_jobs_begin_where_they_were(terminal: Terminal) -> None:

@@ -1,4 +1,4 @@
-"""Progress bars: how much of a long job is done, and the time left."""
+"""Progress: bars with the time left on a terminal, and a line in every minute without output."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Iterable, Iterator, Sized
 from contextlib import contextmanager
 from contextvars import ContextVar
 from shutil import get_terminal_size
+from threading import Event, Thread
+from time import monotonic
 from typing import Any, TypeVar
 
 Item = TypeVar("Item")
@@ -14,24 +16,75 @@ Item = TypeVar("Item")
 DELAY = 2.0
 """Seconds after which a bar is shown; what ends before that shows none."""
 
+SILENT = 60.0
+"""Seconds without any output after which a line says that the job goes on."""
+
 _BARS: ContextVar[list[Any] | None] = ContextVar("bars", default=None)
 """The open bars; None where none are shown."""
 
 
+class _Job:
+    """What a job last said, and what it is doing."""
+
+    def __init__(self) -> None:
+        self.start = self.last = monotonic()
+        self.doing = ""
+
+    def line(self) -> str:
+        """Returns the line of a silent minute."""
+        minutes = round((monotonic() - self.start) / 60)
+        return f"still running after {minutes} min" + (f", {self.doing}" if self.doing else "")
+
+
+class _Noticed:
+    """A stream that notes when something is written to it."""
+
+    def __init__(self, stream: Any, job: _Job) -> None:
+        self._stream, self._job = stream, job
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        self._job.last = monotonic()
+        return self._stream.write(text)
+
+
+_JOB: ContextVar[_Job | None] = ContextVar("job", default=None)
+"""The job of the command line; None in a library."""
+
+
 @contextmanager
 def shown_progress(quiet: bool = False) -> Iterator[None]:
-    """Shows the progress of what runs inside on standard error, if that is a terminal.
+    """Shows the progress of what runs inside on standard error.
+
+    On a terminal there are bars; wherever it goes, a line follows every minute without output.
 
     Args:
         quiet: Whether nothing is shown, as for output that a program reads.
     """
-    watched = sys.stderr is not None and sys.stderr.isatty()
+    if quiet or sys.stderr is None or sys.stdout is None:
+        yield
+        return
     bars: list[Any] = []
-    token = _BARS.set(bars if watched and not quiet else None)
+    job, ended, (out, err) = _Job(), Event(), (sys.stdout, sys.stderr)
+    tokens = _BARS.set(bars if err.isatty() else None), _JOB.set(job)
+
+    def tell() -> None:
+        while not ended.wait(max(job.last + SILENT - monotonic(), 0.01)):
+            if monotonic() - job.last >= SILENT:
+                print(job.line(), file=err, flush=True)
+                job.last = monotonic()
+
+    sys.stdout, sys.stderr = _Noticed(out, job), _Noticed(err, job)
+    Thread(target=tell, daemon=True).start()
     try:
         yield
     finally:
-        _BARS.reset(token)
+        ended.set()
+        sys.stdout, sys.stderr = out, err
+        _BARS.reset(tokens[0])
+        _JOB.reset(tokens[1])
         for bar in bars:  # those that an error left
             bar.close()
 
@@ -39,7 +92,7 @@ def shown_progress(quiet: bool = False) -> Iterator[None]:
 def counted(
     items: Iterable[Item], name: str, total: int | None = None, done: int = 0
 ) -> Iterable[Item]:
-    """Yields items; inside `shown_progress` with a bar, from two items up.
+    """Yields items; inside `shown_progress` on a terminal with a bar, from two items up.
 
     Args:
         items: What is worked on.
@@ -47,9 +100,11 @@ def counted(
         total: Number of items, with those done before; by default the length of `items`.
         done: Number of items done before.
     """
-    bars = _BARS.get()
+    bars, job = _BARS.get(), _JOB.get()
     if total is None and isinstance(items, Sized):
         total = done + len(items)
+    if job is not None:
+        items = _noted(items, name, total, done, job)
     if bars is None or (total is not None and total < 2):
         return items
     try:
@@ -72,3 +127,14 @@ def counted(
     bars[:] = [bar for bar in bars if not bar.disable]  # tqdm disables what it has closed
     bars.append(bar)
     return bar
+
+
+def _noted(
+    items: Iterable[Item], name: str, total: int | None, done: int, job: _Job
+) -> Iterator[Item]:
+    """Yields items and notes how many there were, for the line of a silent minute."""
+    before = job.doing
+    for number, item in enumerate(items, done + 1):
+        job.doing = f"{name} {number}" + ("" if total is None else f" of {total}")
+        yield item
+    job.doing = before or f"{name} is done"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import signal
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from safetensors import safe_open
 
+from latentmotion import formats
 from latentmotion.bulk.motions import BulkGeneration, work_of
 from latentmotion.bulk.prompts import Row, read_rows
 from latentmotion.cli.main import main
@@ -134,6 +136,25 @@ def test_parquet_holds_the_same_motions(prompts: Path, tmp_path: Path) -> None:
     second = np.array(rows[1]["joints"], np.float32).reshape(-1, 22, 3)
     assert np.array_equal(second, joints[frames[0] :])
     assert json.loads(table.schema.metadata[b"latentmotion"])["fps"] == 20
+
+
+@pytest.mark.parametrize("form", ["glb", "bvh"])
+def test_a_file_for_each_motion(prompts: Path, tmp_path: Path, form: str) -> None:
+    words = [f"--format={form}", "--preset=unity", "--fps=30"]
+    bulk(prompts, tmp_path / "clips", *words)
+    files = content(tmp_path / "clips")
+    assert f"0000001_a_person_walks.{form}" in files
+    table = list(csv.DictReader(files["motions-00000.csv"].decode().splitlines()))
+    assert [row["prompt"] for row in table] == PROMPTS[:2]
+    (motion,) = formats.load(tmp_path / "clips" / table[1]["file"])
+    assert motion.fps == pytest.approx(30, abs=1e-3)
+    main(["bulk", "-o", str(tmp_path / "clips"), "--check"])
+    broken = tmp_path / "clips" / table[1]["file"]
+    broken.write_bytes(broken.read_bytes()[:-1])
+    with pytest.raises(SystemExit):
+        main(["bulk", "-o", str(tmp_path / "clips"), "--check"])
+    with pytest.raises(InputError, match="--preset and --fps are those of files"):
+        work_of(BulkGeneration(preset="unity"), prompts)
 
 
 def test_rows_of_tables_have_lengths_and_seeds_of_their_own(tmp_path: Path) -> None:

@@ -7,10 +7,11 @@ depend on those that go through the networks with it.
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -26,6 +27,10 @@ from latentmotion.condition.task import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine import request as requests
 from latentmotion.errors import InputError, MissingExtraError, ModelError
+from latentmotion.formats import fbx
+from latentmotion.formats.content import encoded
+from latentmotion.formats.engines import EngineName, for_engine
+from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_model
 from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
@@ -34,8 +39,14 @@ from latentmotion.storage.files import sha256
 from latentmotion.storage.shards import Run, ShardContent, Work, Wrong
 from latentmotion.text.cache import MemoryCachedTextEncoder
 
-Format = Literal["safetensors", "parquet"]
-"""Format of the shards."""
+Format = Literal["safetensors", "parquet", "glb", "bvh", "fbx"]
+"""Format of the shards; or of the motions, a file each, with a table of them for each shard."""
+
+ONE_EACH = ("glb", "bvh", "fbx")
+"""Formats of a file for each motion."""
+
+_LONGEST_NAME = 60
+"""Characters of the name of such a file at most."""
 
 ROWS = 512
 """Rows of a shard: some 10 MB, and some 10 s of one core."""
@@ -68,7 +79,11 @@ class BulkGeneration:
     exact_turn: bool = True
     """Whether clean-up makes turns exact."""
     format: Format = "safetensors"
-    """Format of the shards."""
+    """Format of the shards, or of the motions."""
+    preset: EngineName | None = None
+    """Names of bones of the motions' files."""
+    fps: float | None = None
+    """Frames per second of the motions' files; by default the model's own."""
     weights: str = ""
     """SHA-256 of the model's files, which every worker must have; "" takes any."""
 
@@ -154,6 +169,13 @@ def work_of(generation: BulkGeneration, prompts: Path, seed: int = 0, rows: int 
         raise InputError(f"{rows} rows of a shard, seed {seed}: expected 1 or more, 0 or more")
     if generation.format == "parquet":
         _pyarrow()
+    if generation.format == "fbx":
+        fbx.check_ready()
+    one_each = generation.format in ONE_EACH
+    if not one_each and (generation.preset or generation.fps is not None):
+        raise InputError(f"--preset and --fps are those of files: {', '.join(ONE_EACH)}")
+    if generation.fps is not None:
+        check_fps(generation.fps)
     every = tuple(read_rows(prompts, seed))
     generation = replace(generation, weights=_hash_of(find_model(generation.model)))
     pipeline = opened(generation)
@@ -164,7 +186,7 @@ def work_of(generation: BulkGeneration, prompts: Path, seed: int = 0, rows: int 
     settings |= {"prompts": sha256(prompts), "version": __version__}
     starts = range(0, len(every), rows)
     tasks = {
-        f"motions-{number:05d}.{generation.format}": partial(
+        f"motions-{number:05d}.{'csv' if one_each else generation.format}": partial(
             make_shard, generation, every[start : start + rows]
         )
         for number, start in enumerate(starts)
@@ -195,12 +217,36 @@ def make_shard(generation: BulkGeneration, rows: Sequence[Row]) -> ShardContent:
         "seed": np.array([row.seed for row in good], np.int64),
         "frames": np.array([len(motion) for motion in motions], np.int64),
     }
+    wrong = tuple(Wrong(line, problem) for line, problem in problems.items() if problem)
+    if generation.format in ONE_EACH:
+        files = dict(_file_of(generation, *one) for one in zip(good, motions, strict=True))
+        return ShardContent(_table(files, good, motions), len(good), wrong, files)
     none = np.zeros((0, len(space.skeleton), 3), np.float32)
     joints = np.concatenate([none, *(motion.joints for motion in motions)])
     pack = _parquet if generation.format == "parquet" else _safetensors
     content = pack(joints, columns, [row.prompt for row in good], about)
-    wrong = (Wrong(line, problem) for line, problem in problems.items() if problem)
-    return ShardContent(content, len(good), tuple(wrong))
+    return ShardContent(content, len(good), wrong)
+
+
+def _file_of(generation: BulkGeneration, row: Row, motion: Motion) -> tuple[str, bytes]:
+    """Returns the name and the content of a motion's own file."""
+    if generation.fps is not None:
+        motion = motion.resampled(generation.fps)
+    if generation.preset is not None:
+        motion = for_engine(motion, generation.preset)
+    words = "".join(c if c.isascii() and c.isalnum() else " " for c in row.prompt).split()
+    name = "_".join([f"{row.line:07d}", *words])[:_LONGEST_NAME].rstrip("_")
+    return f"{name}.{generation.format}", encoded([motion], generation.format)[0]
+
+
+def _table(files: Mapping[str, bytes], rows: Sequence[Row], motions: Sequence[Motion]) -> bytes:
+    """Returns which file has which row, as CSV."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(["file", "line", "seed", "seconds", "prompt"])
+    for file, row, motion in zip(files, rows, motions, strict=True):
+        writer.writerow([file, row.line, row.seed, f"{motion.seconds:g}", row.prompt])
+    return text.getvalue().encode()
 
 
 @lru_cache(maxsize=1)

@@ -14,6 +14,7 @@ from latentmotion.cli import options
 from latentmotion.cli.loading import load_generator
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.errors import InputError
+from latentmotion.formats.engines import EngineName
 from latentmotion.model.card import DEFAULT
 from latentmotion.storage import shards
 from latentmotion.storage.address import folder_at
@@ -28,6 +29,7 @@ class Bulk:
 
     Examples:
         latentmotion bulk prompts.txt -o motions
+        latentmotion bulk prompts.txt -o clips --format glb --preset unreal --rows 32
         latentmotion bulk prompts.csv -o s3://bucket/motions --shard 3/16
         latentmotion bulk prompts.parquet -o /shared/motions --dask tcp://scheduler:8786
     """
@@ -46,7 +48,11 @@ class Bulk:
     """Make nothing: compare the files of a finished run with its manifest, and its settings with
     the prompts and options that are given, if any."""
     format: Format = "safetensors"
-    """Format of the shards."""
+    """Format of the shards; glb, bvh or fbx: a file for each motion, and a table of them."""
+    preset: EngineName | None = None
+    """Names of bones of these files, as of `generate --preset`."""
+    fps: float | None = None
+    """Frames per second of these files; by default the model's own."""
     rows: int = ROWS
     """Rows of a shard. Motions of one shard go through the networks together, so another number
     changes their last bits."""
@@ -107,6 +113,8 @@ class Bulk:
             self.exact_count,
             self.exact_turn,
             self.format,
+            self.preset,
+            self.fps,
         )
         work = work_of(generation, self.prompts, self.seed, self.rows)
         if self.check:
@@ -133,10 +141,11 @@ class Bulk:
     def _print_summary(self, manifest: shards.Manifest) -> None:
         motions = sum(record.items for record in manifest.shards)
         wrong = sum(len(record.wrong) for record in manifest.shards)
-        size = sum(record.size for record in manifest.shards) / 1e6
+        files = [one for shard in manifest.shards for one in (shard, *shard.files)]
+        size = sum(file.size for file in files) / 1e6
         left = f", {wrong} rows left out" if wrong else ""
         what = "as their manifest says" if self.check else "all finished"
         print(
-            f"{self.output}: {motions} motions{left}; files {len(manifest.shards)}, "
+            f"{self.output}: {motions} motions{left}; files {len(files)}, "
             f"{size:.1f} MB, {what}"
         )

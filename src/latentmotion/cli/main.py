@@ -157,7 +157,8 @@ def _run(words: list[str]) -> None:
     try:
         command = getattr(import_module(f"latentmotion.cli.{module}"), cls)
         job = parsed(command, name, words[len(name.split()) :])
-        with shown_progress(quiet=getattr(job, "json", False)):
+        endless = name in ("serve", "studio")  # they say what they do in a log
+        with shown_progress(quiet=endless or getattr(job, "json", False)):
             job.run()
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("latentmotion"):

@@ -1,6 +1,7 @@
 """Work in shards: files that any process may make, be killed at and make again, to the same bytes.
 
-A shard is a file, which a function without arguments makes. Beside it is its record: size, hash and
+A shard is a file, which a function without arguments makes, or a table of further files. Beside it
+is its record: size, hash and
 what was counted. The record is written last, so a shard with a record is finished and is skipped.
 `run.json` says what the bytes follow from; who finds every shard finished writes `manifest.json`.
 """
@@ -45,6 +46,20 @@ class ShardContent:
     """Number of its items."""
     wrong: tuple[Wrong, ...] = ()
     """Items that it lacks."""
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    """Further files that belong to it."""
+
+
+@dataclass(frozen=True)
+class FileRecord:
+    """Record of a further file of a shard."""
+
+    name: str
+    """The file."""
+    size: int
+    """Its bytes."""
+    sha256: str
+    """Its SHA-256, as hexadecimal digits."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +78,8 @@ class Record:
     """Items that it lacks."""
     run: str
     """SHA-256 of the run's settings."""
+    files: tuple[FileRecord, ...] = ()
+    """Further files that belong to it."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +259,13 @@ def finish(folder: Folder, name: str, task: Callable[[], ShardContent], run: str
         return _read(Record, folder, _record_of(name))
     shard = task()
     digest = hashlib.sha256(shard.content).hexdigest()
-    record = Record(name, len(shard.content), digest, shard.items, shard.wrong, run)
+    further = tuple(
+        FileRecord(one, len(content), hashlib.sha256(content).hexdigest())
+        for one, content in shard.files.items()
+    )
+    record = Record(name, len(shard.content), digest, shard.items, shard.wrong, run, further)
+    for one, content in shard.files.items():
+        folder.write(one, content)
     folder.write(name, shard.content)
     folder.write(_record_of(name), _packed(record))
     return record
@@ -286,7 +309,7 @@ def check(folder: Folder) -> Manifest:
     if tuple(record.name for record in manifest.shards) != manifest.run.shards:
         raise DataError(f"{folder}: {MANIFEST_FILE} lists other files than its run; run it again")
     problems = []
-    for record in manifest.shards:
+    for record in (one for shard in manifest.shards for one in (shard, *shard.files)):
         if record.name not in there:
             problems.append(f"{record.name} is missing")
             continue
