@@ -10,7 +10,6 @@ from latentmotion.control.exact import inertialized
 from latentmotion.control.fit import lbfgs
 from latentmotion.control.goals import (
     FASTEST,
-    NO_TARGETS,
     Goal,
     Heading,
     Pose,
@@ -204,16 +203,6 @@ def test_free_coordinates_ask_for_nothing(joints: np.ndarray) -> None:
     np.testing.assert_allclose(residual(joints), [1.0 - joints[20, wrist, 1]])
     (gradient,) = residual.gradient(joints)
     assert gradient[20, wrist].tolist() == [0, 1, 0] and np.abs(gradient).sum() == 1
-
-
-def test_targets_together_are_the_targets_of_both() -> None:
-    reaches = [Reach("head", 1.0, (0.0, 1.5, 0.1)), Reach("pelvis", 2.0, (0.0, None, 0.5))]
-    one, other = (targets_of([goal], 60, FPS, HUMANML3D) for goal in reaches)
-    both = targets_of(reaches, 60, FPS, HUMANML3D)
-    for name, values in vars(one.joined(other)).items():
-        np.testing.assert_array_equal(values, getattr(both, name))
-    for name, values in vars(NO_TARGETS.joined(both)).items():
-        np.testing.assert_array_equal(values, getattr(both, name))
 
 
 def test_a_runner_reaches_as_far_as_a_runner_can() -> None:

@@ -16,6 +16,7 @@ from latentmotion.cleanup.floor import Floor, align_floor
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.loops import is_loop, rolled_up, turns_beside, unrolled
+from latentmotion.cleanup.seats import hold_seats
 from latentmotion.cleanup.smoothing import gaussian, smooth
 from latentmotion.cleanup.turning import exact_turns
 from latentmotion.corrections import NO_CORRECTIONS, Corrections
@@ -62,6 +63,8 @@ class CleanUp:
     """Give every bone one length."""
     floor: bool = True
     """Put the figure on the floor."""
+    seats: bool = True
+    """Keep who sits on something at its height."""
     feet: bool = True
     """Lock feet that stand."""
     in_place: bool = False
@@ -195,6 +198,8 @@ def _cleaned(joints: Joints, motions: Sequence[Motion], steps: CleanUp) -> Joint
             )
     if steps.floor:
         joints = align_floor(joints, fps, skeleton, steps.ground)
+    if steps.seats:
+        joints = hold_seats(joints, fps, skeleton)
     if steps.feet:
         if find_legs(skeleton):
             contacts = foot_contacts(joints, fps, skeleton, steps.contacts)

@@ -145,7 +145,4 @@ class Bulk:
         size = sum(file.size for file in files) / 1e6
         left = f", {wrong} rows left out" if wrong else ""
         what = "as their manifest says" if self.check else "all finished"
-        print(
-            f"{self.output}: {motions} motions{left}; files {len(files)}, "
-            f"{size:.1f} MB, {what}"
-        )
+        print(f"{self.output}: {motions} motions{left}; files {len(files)}, {size:.1f} MB, {what}")

@@ -68,6 +68,13 @@ _MOST_JERK, _WINDOW = 635.0, 0.5
 """Mean jerk of the joints, m/s³, in so many seconds: 99 of 100 recordings of CMU, SNU and HDM05
 stay below it in their jerkiest half second."""
 
+_ENDS = ("pelvis", "head", "elbow", "wrist", "knee", "ankle")
+"""Joints by which sampling is directed to a pose; the others follow by their bones."""
+
+_POSED = ReachSettings(updates=3, tolerance=5e-3)
+"""Updates of the latents after sampling where there are poses, which latents do not meet exactly;
+what is left is as much after more."""
+
 _MOST_INSTANTS, _SPACING = 6, 0.3
 """Instants at which sampling is directed to a goal that holds: one in so many seconds."""
 
@@ -112,7 +119,9 @@ class Direction:
         goals: list[Goal] = []
         for goal in self.given:
             if isinstance(goal, Pose):
-                goals += goal.reaches(self.skeleton)
+                places = goal.reaches(self.skeleton)
+                few = [place for place in places if place.joint.endswith(_ENDS)]
+                goals += few or places
                 continue
             held = (getattr(goal, "until", None) or goal.at) - goal.at
             most = min(_MOST_INSTANTS, 2 + int(held / _SPACING))
@@ -221,11 +230,13 @@ def directed(direction: Direction, motion: DecodedMotion, sample: Sample, fps: f
     residual, skeleton = direction.residual(), direction.skeleton
     correction, steps = Correction(motion, residual, settings=_DURING), count()
     z = sample(motion.frames, lambda z: correction(z) if next(steps) % _EVERY == 1 else z)
-    z = reach(np.asarray(z, np.float64), motion, residual, settings=_AFTER)
+    posed = any(isinstance(goal, Pose) for goal in direction.given)
+    after = _POSED if posed else _AFTER
+    z = reach(np.asarray(z, np.float64), motion, residual, settings=after)
     joints = motion.joints(z)
     if direction.curve is not None and direction.given:
         # Now it is known where beside its path the body is when it has other goals.
-        z = reach(z, motion, direction.residual(joints), settings=_AFTER)
+        z = reach(z, motion, direction.residual(joints), settings=after)
         joints = motion.joints(z)
     if direction.curve is not None:
         joints = bent(joints, direction.curve, fps, skeleton)
@@ -297,7 +308,8 @@ def goal_report(goals: Sequence[Directed], before: Motion, after: Motion) -> dic
         if isinstance(goal, Reach):
             entry["to"] = list(goal.to)
         if isinstance(goal, LookAt):
-            entry["look_at"] = list(entry.pop("to"))
+            del entry["to"]
+            entry["look_at"] = list(goal.to)
         if isinstance(goal, Heading | LookAt):
             entry["unit"] = "degrees"
         entries.append({**entry, "before": was, "after": now})

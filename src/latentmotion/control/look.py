@@ -77,7 +77,7 @@ def _toward(
     """Returns yaw and pitch by which a head turns for its eyes to look at a point, radians."""
     angles = np.zeros(2)
     for _ in range(_ROUNDS):
-        way = axes.T @ (to - place) - _turned(*angles) @ _EYES
+        way = axes.T @ (to - place) - _turned(angles[0:1], angles[1:2])[0] @ _EYES
         found = np.array([np.arctan2(way[0], way[2]), np.arctan2(way[1], np.hypot(way[0], way[2]))])
         angles = np.clip(found, -_FARTHEST, _FARTHEST)
     return angles

@@ -192,7 +192,7 @@ def contact_events(motion: Motion) -> list[dict[str, Any]]:
     half = len(whole.skeleton.left_foot)
     events: list[dict[str, Any]] = []
     for side, feet in (("left", standing[:, :half]), ("right", standing[:, half:])):
-        for start, end in contact_intervals(feet.any(axis=1)):
+        for start, end in contact_intervals(np.asarray(feet.any(axis=1))):
             for frame, kind in ((start, "down"), (end, "up")):
                 if first <= frame < first + count and frame > 0:
                     time = round((frame - first) / motion.fps, 4)
