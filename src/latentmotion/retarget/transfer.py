@@ -15,8 +15,8 @@ D is a joint's rotation in the world away from its rest pose, d its bone's direc
 Hips move as the source's do, times the ratio of the legs. `feet.py` puts the feet on the floor.
 A motion that was recorded on this very skeleton keeps every rotation and every position.
 
-Root motion is the path along the floor, without the sway of the steps. It moves the pelvis, or the
-rig's root bone with the pelvis relative to it, as game engines expect, or nothing.
+Root motion is the path along the floor and the heading, without the sway of the steps. It moves
+the pelvis, or the rig's root bone with the pelvis relative to it, as game engines expect, or nothing.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.cleanup.pipeline import ground_path
+from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.errors import DataError, InputError
 from latentmotion.formats import fbx
 from latentmotion.formats.bvh import write_bvh
@@ -39,6 +40,7 @@ from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import Humanoid, fingers_below
 from latentmotion.kinematics.rotations import (
     matrix_between,
+    matrix_from_axis_angle,
     matrix_from_quaternion,
     quaternion_from_matrix,
     slerp,
@@ -55,6 +57,9 @@ _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
 
 _SAME = 0.01
 """Greatest difference of offsets between equal skeletons, as a share of the leg's length."""
+
+_SWAY = 0.25
+"""Standard deviation, seconds, of the Gaussian that takes the sway of steps out of the heading."""
 
 RootMotion = Literal["pelvis", "root", "none"]
 """Target of root motion: the pelvis, the rig's root bone, or nothing (in place)."""
@@ -115,15 +120,38 @@ def with_root_motion(animation: Animation, rig: Rig, root_motion: RootMotion) ->
     bone, pelvis = rig.root_motion_bone, rig.body.pelvis
     if root_motion == "root":
         check_root_bone(rig)
-    rest = rig.rest()[pelvis] * (1, 0, 1)
-    path = ground_path(animation.joints()[:, [pelvis]], animation.fps) - rest
+    rest, joints = rig.rest()[pelvis] * (1, 0, 1), animation.joints()
+    path = ground_path(joints[:, [pelvis]], animation.fps) - rest
     root, translations = animation.root_positions, animation.translations
     if bone == 0 or translations is None:
         return replace(animation, root_positions=root - path)
     moved = translations.copy()
-    moved[:, bone] -= path  # nothing above it rotates
-    root = root + path if root_motion == "root" else root
-    return replace(animation, root_positions=root, translations=moved)
+    if root_motion == "none":
+        moved[:, bone] -= path  # nothing above it rotates
+        return replace(animation, root_positions=root, translations=moved)
+    # The root bone turns with the body; what hangs between it and the moving bone, with it.
+    facing = _facing(joints, rig, animation.fps)
+    back, rotations = np.swapaxes(facing, -1, -2), animation.rotations.copy()
+    above = rig.body.lines[bone][1:-1]  # without the root
+    offset = np.sum([moved[:, joint] for joint in above], axis=0) if above else 0.0
+    place = moved[:, bone] + offset - path
+    moved[:, bone] = np.einsum("fab,fb->fa", back, place) - offset
+    rotations[:, 0], rotations[:, bone] = facing, back @ rotations[:, bone]
+    return replace(
+        animation, rotations=rotations, root_positions=root + path, translations=moved
+    )
+
+
+def _facing(joints: Float[np.ndarray, "frames joints 3"], rig: Rig, fps: float) -> Rotations:
+    """Returns the rotations of a body's heading about the vertical, smoothed."""
+    at = rig.body.joints
+    across = sum(
+        joints[:, at[f"right_{part}"]] - joints[:, at[f"left_{part}"]]
+        for part in ("hip", "shoulder")
+    )
+    yaw = np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))  # type: ignore[index]
+    smooth = gaussian(yaw, _SWAY * fps)
+    return matrix_from_axis_angle(smooth[:, None] * np.array([0.0, 1.0, 0.0]))
 
 
 def check_root_bone(rig: Rig) -> None:
