@@ -228,3 +228,11 @@ def test_points_of_the_world_go_back_onto_the_straight_line() -> None:
     joints[..., ::2] += np.array([0.1, 1.1]) - joints[:, :1, ::2]
     joints[:, 15] = there
     assert np.allclose(bent(joints, curve, 20.0, HUMANML3D)[1, 15, ::2], place)
+
+
+def test_nothing_but_the_head_turns_for_a_look() -> None:
+    motion = Motion(walker(60).joints())
+    turned = looking(motion, [LookAt(1, (2.0, 1.8, 3.0), 2)])
+    local = [one.animation().rotations for one in (motion, turned)]
+    others = [j for j, name in enumerate(motion.skeleton.names) if name != "head"]
+    np.testing.assert_allclose(local[1][:, others], local[0][:, others], atol=1e-6)

@@ -75,7 +75,7 @@ _POSED = ReachSettings(updates=3, tolerance=5e-3)
 """Updates of the latents after sampling where there are poses, which latents do not meet exactly;
 what is left is as much after more."""
 
-_MOST_INSTANTS, _SPACING = 6, 0.3
+_MOST_INSTANTS, _SPACING = 12, 0.3
 """Instants at which sampling is directed to a goal that holds: one in so many seconds."""
 
 

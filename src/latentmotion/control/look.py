@@ -55,7 +55,8 @@ def looking(motion: Motion, looks: Sequence[LookAt]) -> Motion:
     yaw, pitch, _ = spread(angles, len(motion), BLEND * motion.fps).T
     world[:, head] = world[:, head] @ _turned(yaw, pitch)
     turned = replace(animation, rotations=skeleton.local_rotations(world))
-    body = Humanoid(skeleton, {name: joint for joint, name in enumerate(skeleton.names)})
+    names = {name: joint for joint, name in enumerate(skeleton.names)}
+    body = Humanoid(animation.skeleton, names)
     return replace(motion).with_recorded(Recorded(turned, body))
 
 
