@@ -14,15 +14,16 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from latentmotion import Motion, MotionPipeline, Reach, RootPath
+from latentmotion import LookAt, Motion, MotionPipeline, Reach, RootPath
+from latentmotion.cleanup.loops import unrolled
 from latentmotion.control.edit import generate_edited
 from latentmotion.control.fit_keypoints import fit_motion
 from latentmotion.control.stream import generate_loop
 from latentmotion.control.timeline import generate_timeline
 from latentmotion.render.strip import write
 
-WIDTH, MOST = 880, 58_000
-"""Pixels, and bytes of a picture."""
+WIDTH, QUALITY = 880, 55
+"""Pixels, and WebP's quality."""
 
 
 def path(generate: MotionPipeline) -> list[Motion]:
@@ -32,18 +33,16 @@ def path(generate: MotionPipeline) -> list[Motion]:
 
 
 def goals(generate: MotionPipeline) -> list[Motion]:
-    goals = [Reach("right_wrist", 2.0, (-0.35, 1.8, 2.3)), Reach("pelvis", 2.0, (0, None, 2.1))]
+    goals = [Reach("right_hand", 1.6, (-0.3, 1.75, 2.3), 2.4), LookAt(1.6, (-0.3, 1.75, 2.3), 2.4)]
     motion = generate("a person walks forward", 4, 2, goals=goals, takes=1)
-    return [replace(motion, caption="walks; right wrist 1.8 m high at 2 s")]
+    words = "walks; right hand held 1.75 m high from 1.6 to 2.4 s"
+    return [replace(motion, caption=words).with_recorded(motion.recorded)]
 
 
 def edit(generate: MotionPipeline) -> list[Motion]:
     walk = generate("a person walks forward", 5, 0, takes=1)
     jump = generate_edited(generate, walk, "a person jumps", (1.6, 3.0), 3)
-    return [
-        replace(walk, caption="walks forward"),
-        replace(jump, caption="the same; jumps between 1.6 and 3 s"),
-    ]
+    return [replace(jump, caption="walks forward; jumps between 1.6 and 3 s")]
 
 
 def timeline(generate: MotionPipeline) -> list[Motion]:
@@ -58,11 +57,8 @@ def two_tracks(generate: MotionPipeline) -> list[Motion]:
 
 
 def loop(generate: MotionPipeline) -> list[Motion]:
-    turn = generate_loop(generate, "a person runs forward", 1.2, 2)
-    joints = turn.joints.copy()
-    joints[..., [0, 2]] -= joints[:, :1, [0, 2]]
-    twice = replace(turn, joints=np.concatenate([joints, joints]))
-    return [replace(twice, caption="runs, in place: two turns of 1.2 s")]
+    turn = generate_loop(generate, "a person runs forward", 1.2, 2).cleaned(in_place=True)
+    return [replace(unrolled(turn, 0, 1), caption="runs, in place: two turns of 1.2 s")]
 
 
 def fit(generate: MotionPipeline) -> list[Motion]:
@@ -99,14 +95,11 @@ def main() -> None:
         file = options.folder / f"directing_{name}.png"
         motions, style = PICTURES[name](generate), "path" if name == "path" else "row"
         write(file, motions, style, 11, WIDTH)
+        small = file.with_suffix(".webp")
         with Image.open(file) as opened:
-            picture = opened.convert("RGB")
-        for colors in (48, 32, 24, 16):
-            few = picture.quantize(colors, dither=Image.Dither.NONE)
-            few.save(file, optimize=True)
-            if file.stat().st_size <= MOST:
-                break
-        print(f"{file}: {file.stat().st_size / 1000:.0f} kB")
+            opened.convert("RGB").save(small, quality=QUALITY, method=6)
+        file.unlink()
+        print(f"{small}: {small.stat().st_size / 1000:.0f} kB")
 
 
 if __name__ == "__main__":
