@@ -277,7 +277,7 @@ class Generate:
             raise InputError(
                 "--timeline has the prompts: leave prompts, --file, --prior, --scene out"
             )
-        if self._loops(scene) and (prior or several or self.directing.goals(scene)):
+        if self._loops(scene) and (prior or several or goals):
             raise InputError("a loop takes no goals, --timeline or --prior; leave them out")
         if directing.timeline_part and not directing.timeline:
             raise InputError("--timeline-part needs --timeline, which the whole body follows")
@@ -318,7 +318,11 @@ class Generate:
             reason = "a timeline is sampled from noise by the model's own sampler"
             refuse(sampling, reason, "sampler", "moves")
             reason = "a timeline takes no goals"
-            refuse(self.directing, reason, "reach", "heading", "path")
+            refuse(self.directing, reason, "reach", "heading", "look_at", "path", "pace")
+        if self.directing.loop:
+            refuse(
+                sampling, "a loop starts from noise, by the model's own sampler", "sampler", "moves"
+            )
         if goals:
             refuse(sampling, "a motion with goals starts from noise", "moves")
         if not sampling.from_clips:

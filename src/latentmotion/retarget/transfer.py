@@ -137,9 +137,7 @@ def with_root_motion(animation: Animation, rig: Rig, root_motion: RootMotion) ->
     place = moved[:, bone] + offset - path
     moved[:, bone] = np.einsum("fab,fb->fa", back, place) - offset
     rotations[:, 0], rotations[:, bone] = facing, back @ rotations[:, bone]
-    return replace(
-        animation, rotations=rotations, root_positions=root + path, translations=moved
-    )
+    return replace(animation, rotations=rotations, root_positions=root + path, translations=moved)
 
 
 def _facing(joints: Float[np.ndarray, "frames joints 3"], rig: Rig, fps: float) -> Rotations:
