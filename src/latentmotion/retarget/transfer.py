@@ -15,8 +15,8 @@ D is a joint's rotation in the world away from its rest pose, d its bone's direc
 Hips move as the source's do, times the ratio of the legs. `feet.py` puts the feet on the floor.
 A motion that was recorded on this very skeleton keeps every rotation and every position.
 
-Root motion is the path along the floor and the heading, without the sway of the steps. It moves
-the pelvis, or the rig's root bone with the pelvis relative to it, as game engines expect, or nothing.
+Root motion is the path along the floor and the heading, without the sway of the steps. It moves the
+pelvis, or the rig's root bone with the pelvis relative to it, as engines expect, or nothing.
 """
 
 from __future__ import annotations
