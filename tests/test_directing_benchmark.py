@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.control.__main__ import goals_of
+from benchmarks.control.__main__ import main as control
+from benchmarks.control.cases import KINDS, file_content
 from benchmarks.directing import bench, fits, goals, keep
 from benchmarks.directing.__main__ import main
 from benchmarks.directing.bench import Bench, beside, blended, write_results
@@ -18,8 +22,10 @@ from benchmarks.directing.sentences import length_rows, search_rows
 from benchmarks.directing.sequences import loop_rows, stream_rows, timeline_rows
 from benchmarks.directing.smoothers import kalman, spline
 from latentmotion import Dataset, MotionPipeline
+from latentmotion.control.goals import Pose, targets_of
 from latentmotion.data.clip import Source
 from latentmotion.data.store import StoredClip, StoredMotion, stored_normalizer, write_dataset
+from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.ranking.scorer import shipped_scorer
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.representation.interface import Normalizer
@@ -210,3 +216,24 @@ def test_the_program_runs_one_and_tells_mistakes(
         with pytest.raises(SystemExit):
             main([*order, *more])
         assert "expected --count of 2 or more and --seeds" in capsys.readouterr().err
+
+
+def test_cases_of_control_are_the_same_on_every_machine() -> None:
+    content = file_content()
+    assert hashlib.sha256(content.encode()).hexdigest().startswith("00412b10b4b89c4e")
+    every = json.loads(content)["cases"]
+    assert [sum(case["kind"] == kind for case in every) for kind in KINDS] == [200] * 5
+    for case in every[::7]:
+        frames = round(case["seconds"] * 20)
+        targets_of([g for g in goals_of(case) if not isinstance(g, Pose)], frames, 20.0, HUMANML3D)
+
+
+def test_the_control_benchmark_measures_ours_and_other_motions(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--kind", "end_effectors", "--count", "1", "-o", str(tmp_path)]
+    control(["run", "--threads", "1", *words])
+    (row,) = json.loads((tmp_path / "run-end_effectors.json").read_text(encoding="utf-8"))
+    assert row["error_cm"] < 0.1 and row["worst_cm"] < 0.2
+    control(["score", str(tmp_path), *words])
+    assert "| end_effectors | 1 | 1 |" in capsys.readouterr().out  # there is no such motion
