@@ -331,7 +331,9 @@ class MotionPipeline(PickledByFields):
             raw = self.raw_motions([prompt], length, seeds, *settings[:3], from_clips, goals)
             return cleaned_up(raw, clean_up)[0] if clean_up else raw[0].motion
 
-        if not goals or clean_up is None or clean_up.in_place:
+        # The limits of what is refused are those of people's motions that a sentence describes.
+        checked = goals and clean_up and not clean_up.in_place and self.card.condition.reads_text
+        if not checked:
             return take([seed], from_clips)
         return self._meeting(
             lambda number: [take([seed + number], from_clips and number % 2 == 1)],

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 import torch
 
+from latentmotion import MotionPipeline
+from latentmotion.cleanup.loops import turn_of, unrolled
 from latentmotion.control.reach import DecodedMotion
 from latentmotion.control.stream import (
     StreamState,
     advanced,
     decode_in_windows,
+    generate_loop,
     looped,
     placed,
 )

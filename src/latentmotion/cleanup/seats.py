@@ -76,7 +76,7 @@ def hold_seats(
         knee, tip = reach(hip, moved[:, :, leg.knee], ankle + up, ankle, ahead)
         moved[:, :, leg.knee], moved[:, :, leg.ankle] = knee, tip
         moved[:, :, list(leg.below)] += (tip - ankle)[:, :, None]
-    return moved
+    return np.where(shift[..., None, None] == 0, joints, moved)
 
 
 def _seated(
