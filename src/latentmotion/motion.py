@@ -108,14 +108,19 @@ class Motion:
     def resampled(self, fps: float) -> Motion:
         """Returns the motion at another frame rate: its rotations resampled, see `Animation`.
 
-        Bones that change their lengths get their median; clean the motion first to choose how.
+        Bones that change their lengths get their median; clean the motion first to choose how. A
+        loop gets a whole number of frames, by up to half a frame longer or shorter.
 
         Raises:
             InputError: `fps` is not a positive number, or far too large.
         """
         if fps == self.fps:
             return self
-        animation = self.animation().resampled(fps)
+        steps = (len(self) - 1) * fps / self.fps
+        exact = (
+            fps * round(steps) / steps if self.metadata.get("loop") and 1 <= steps < 1e9 else fps
+        )
+        animation = replace(self.animation().resampled(exact), fps=float(fps))
         motion = replace(self, joints=animation.joints().astype(np.float32), fps=animation.fps)
         # Its rotations are known, so writers need not solve for them again.
         motion.__dict__["_solved"] = animation

@@ -93,7 +93,9 @@ def test_a_loop_stays_one_when_it_is_cleaned_up() -> None:
     pipeline = MotionPipeline.from_pretrained("fast", "onnxruntime", 1)
     loop = generate_loop(pipeline, "a person walks forward", 2.4, 1)
     assert len(loop) == 49 and loop.metadata["loop"] is True
-    for motion in (loop, loop.cleaned(), loop.cleaned(in_place=True), loop.cleaned().resampled(30)):
+    again = loop.cleaned().resampled(24)
+    assert len(again) == 59
+    for motion in (loop, loop.cleaned(), loop.cleaned(in_place=True), again):
         angle, step = turn_of(motion)
         assert abs(angle) < 1e-3
         np.testing.assert_allclose(motion.joints[-1], motion.joints[0] + step, atol=2e-4)
