@@ -129,7 +129,7 @@ def test_the_head_turns_to_a_point_and_joints_stay() -> None:
     motion = Motion(walker(60).joints())
     facing = heading(motion.joints[30].astype(float), motion.skeleton)
     beside = motion.joints[30, 15] + turn(np.array([1.5, 0.3, 6.0]), np.asarray(facing))
-    look = LookAt(1, tuple(beside.tolist()), 2)
+    look = LookAt(1.5, tuple(beside.tolist()))  # the walker shakes its head
     turned = looking(motion, [look])
     assert (turned.joints == motion.joints).all()
     assert missed_looks(motion, look) > 10
