@@ -234,7 +234,7 @@ def test_what_is_neither_sentence_nor_goal_is_named() -> None:
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.splitlines() == [
         "a prompt is None; expected words, or a list of prompts",
-        "a goal is 'left'; expected RootPath, Reach, Heading or Pose of latentmotion",
+        "a goal is 'left'; expected RootPath, Reach, Heading, LookAt or Pose of latentmotion",
     ]
 
 
