@@ -328,6 +328,9 @@ def test_without_python_the_page_offers_what_it_can_do(page, form):
     (motion,) = formats.load(saved(page, form))
     assert len(motion) == 40
     assert np.abs(motion.joints - shown(page)[0]).mean() < 0.03
+    if form != "bvh":
+        assert motion.caption == "a person walks"
+        assert motion.metadata["weights_license"] == "CC0"
     assert not any("/python/" in name for name in Host.asked)
 
 

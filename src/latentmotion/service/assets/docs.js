@@ -48,7 +48,7 @@ function parameters(list) {
 
 function trial(method, path, example) {
   const area = make("textarea", { value: JSON.stringify(example, null, 2), rows: 6, ariaLabel: "Body" });
-  const answer = make("pre", {});
+  const answer = make("pre", { tabIndex: 0 });
   const button = make("button", { type: "button" }, "Try it");
   button.addEventListener("click", async () => {
     const headers = { "Content-Type": "application/json" };
@@ -67,13 +67,14 @@ function trial(method, path, example) {
 
 function call(path, method, { summary, description, parameters: list = [], requestBody }) {
   const body = make("div", {});
-  if (description && description !== summary) body.append(make("p", {}, description));
+  const [first, ...more] = (description ?? summary ?? "").split("\n");
+  if (more.length) body.append(make("p", {}, more.join(" ")));
   if (list.length) body.append(parameters(list));
   const sent = requestBody?.content["application/json"]?.schema;
   if (sent) body.append(fields(resolved(sent)));
   const example = sent && (resolved(sent).examples?.[0] ?? { prompt: "a person waves", seconds: 2 });
   if (!path.includes("{") && (sent || method === "get")) body.append(...trial(method.toUpperCase(), path, example));
-  const head = make("summary", {}, make("code", {}, `${method.toUpperCase()} ${path}`), ` ${description?.split("\n")[0] ?? summary ?? ""}`);
+  const head = make("summary", {}, make("code", {}, `${method.toUpperCase()} ${path}`), ` ${first}`);
   return make("details", { className: "call" }, head, body);
 }
 

@@ -18,18 +18,21 @@ export function fileName({ prompt, seed }, ending) {
   return `${words.slice(0, 60) || "motion"}_${seed}.${ending}`;
 }
 
+/** What files say of a generated motion. */
+export function metadataOf({ model, seed, steps, guidance, rights, weightsLicense }) {
+  return { model, seed: Number(seed), steps, guidance, rights, weights_license: weightsLicense };
+}
+
 /** Returns an .npz of generated motions of one skeleton, as `latentmotion.formats.npz` has it. */
 export function npz(motions) {
   const { name, names, parents, directions } = motions[0].skeleton;
   const joined = Float32Array.from(motions.flatMap(({ joints }) => [...joints]));
-  const notes = ({ model, seed, steps, guidance, rights, weightsLicense }) =>
-    JSON.stringify({ model, seed: Number(seed), steps, guidance, rights, weights_license: weightsLicense });
   const arrays = {
     joints: array("<f4", [joined.length / names.length / 3, names.length, 3], joined),
     frames: array("<i8", [motions.length], BigInt64Array.from(motions, (m) => BigInt(m.frames))),
     fps: array("<f8", [motions.length], Float64Array.from(motions, ({ fps }) => fps)),
     caption: text(motions.map(({ prompt }) => prompt)),
-    metadata: text(motions.map(notes)),
+    metadata: text(motions.map((motion) => JSON.stringify(metadataOf(motion)))),
     skeleton: text(name),
     names: text(names),
     parents: array("<i8", [parents.length], BigInt64Array.from(parents, BigInt)),

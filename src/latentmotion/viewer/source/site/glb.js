@@ -34,8 +34,8 @@ class Arrays {
   }
 }
 
-/** Returns the .glb of takes of one skeleton. */
-export function glb(motions) {
+/** Returns the .glb of takes of one skeleton; `metadata` is what is said of each. */
+export function glb(motions, metadata) {
   const [{ skeleton }] = motions;
   const arrays = new Arrays();
   const rest = restPose(skeleton);
@@ -52,7 +52,7 @@ export function glb(motions) {
   const document = {
     asset: { version: "2.0", generator: "latentmotion" },
     ...{ scene: 0, scenes: [{ nodes: figure.meshes ? [0, nodes.length - 1] : [0] }], nodes, ...figure },
-    animations: motions.map((motion, take) => animation(motion, take, rest, arrays)),
+    animations: motions.map((motion, take) => animation(motion, take, rest, arrays, metadata[take])),
     ...{ accessors: arrays.accessors, bufferViews: arrays.bufferViews, buffers: [{ byteLength: arrays.size }] },
   };
   return packed(document, arrays);
@@ -82,7 +82,7 @@ function body(skeleton, rest, above, arrays) {
   return { materials, meshes: [{ name: "mannequin", primitives }], skins: [{ joints, skeleton: 0, inverseBindMatrices }] };
 }
 
-function animation(motion, take, rest, arrays) {
+function animation(motion, take, rest, arrays, metadata) {
   const { parents } = motion.skeleton;
   const frames = rotated(motion);
   const times = arrays.add(Float32Array.from(frames, (_, frame) => frame / motion.fps), 1, { bounds: true });
@@ -104,7 +104,8 @@ function animation(motion, take, rest, arrays) {
       return turn.toArray();
     }), 4);
   });
-  return { name: `${take + 1}: ${motion.caption}`, channels, samplers };
+  const extras = { caption: motion.caption, fps: motion.fps, ...metadata };
+  return { name: `${take + 1}: ${motion.caption}`, channels, samplers, extras };
 }
 
 // Header, then the JSON and the arrays as chunks.

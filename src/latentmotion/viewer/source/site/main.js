@@ -5,7 +5,7 @@ import { colorsOf } from "../colors.js";
 import { stick } from "../figures.js";
 import { OWN, standing } from "../mannequin.js";
 import { Player } from "../player.js";
-import { bvh, fileName, npz, save } from "./files.js";
+import { bvh, fileName, metadataOf, npz, save } from "./files.js";
 import { glb } from "./glb.js";
 import { isAsleep, PYTHON_SIZE, rewritten } from "./python.js";
 import { fromAddress, fromForm, intoForm, toAddress } from "./recipe.js";
@@ -216,7 +216,7 @@ async function write() {
       say(`Saved ${fileName(motions[0], form)}.`);
     });
   } else if (format === "glb") {
-    save(fileName(motions[0], "glb"), glb(chosen().map((take) => player.takes[take])), "model/gltf-binary");
+    save(fileName(motions[0], "glb"), glb(chosen().map((take) => player.takes[take]), motions.map(metadataOf)), "model/gltf-binary");
   } else {
     for (const take of chosen()) save(fileName(shown[take], "bvh"), bvh(player.takes[take]));
   }
@@ -269,7 +269,7 @@ document.addEventListener("keydown", (event) => {
   player.timeline.play(!player.timeline.playing);
 });
 
-window.latentmotion = { player, motions: () => shown, npz: () => npz(shown), bvh, glb };
+window.latentmotion = { player, motions: () => shown, npz: () => npz(shown), bvh };
 navigator.serviceWorker?.register("service.js").catch(() => {});
 open().catch((error) => {
   document.body.dataset.state = "failed";
