@@ -53,6 +53,7 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
                 cls,
                 prog=f"latentmotion {name}",
                 description=getdoc(command),  # tyro leaves out the examples
+                config=(tyro.conf.DisallowNone,),  # an option that is left out is None
                 args=words,
             )
     except SystemExit as end:
@@ -112,8 +113,7 @@ def _explanation(event: Any, command: type) -> str | None:
         case events.BadValue(reason="too_few_values"):
             return f"{_name(event.argument)} needs a value"
         case events.InvalidChoice(value=value):
-            choices = sorted(set(event.choices) - {"None"})
-            return f"{_name(event.argument)} {value!r}: {hint(value, choices)}"
+            return f"{_name(event.argument)} {value!r}: {hint(value, sorted(event.choices))}"
         case events.InstantiationFailure(argument=argument, message=message) if argument:
             for start, expected in _NUMBERS.items():
                 _, separator, rest = message.partition(start)
