@@ -328,19 +328,20 @@ def floor(page: Any, x: float, z: float) -> list[float]:
 
 
 def test_the_interface_for_programs_can_be_tried(page, address):
-    again = page.url
-    page.goto(f"{address.split('/studio')[0]}/docs")
-    live = page.locator(".call", has_text="GET /livez")
+    other = page.context.new_page()
+    other.goto(f"{address.split('/studio')[0]}/docs")
+    live = other.locator(".call", has_text="GET /livez")
     live.locator("summary").first.click()
     live.locator("button").click()
     live.locator("pre", has_text="200 text/plain").wait_for()
-    page.locator(".call", has_text="POST /v1/motions").locator("summary").first.click()
-    assert page.locator("code", has_text="timeline_parts").first.is_visible()
+    other.locator(".call", has_text="POST /v1/motions").locator("summary").first.click()
+    assert other.locator("code", has_text="timeline_parts").first.is_visible()
     if AXE.is_file():
-        page.evaluate(AXE.read_text())
-        assert page.evaluate("axe.run().then((found) => found.violations.map(({ id }) => id))") == []
-    page.goto(again)
-    page.wait_for_selector("body[data-state=ready]")
+        other.evaluate(AXE.read_text("utf-8"))
+        assert (
+            other.evaluate("axe.run().then((found) => found.violations.map(({ id }) => id))") == []
+        )
+    other.close()
 
 
 def test_path_and_goal_are_set_on_the_floor(page):
