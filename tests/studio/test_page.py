@@ -405,6 +405,13 @@ def test_library_finds_tags_and_writes_many(page, tmp_path):
     listed(page, "listed === '1'")
     page.uncheck("#only-stars")
     listed(page, "listed > 4")
+    cards, stacked = page.locator("#grid > li"), page.locator("#grid .stack").count()
+    folded = cards.count()
+    page.click("#grid .fold[aria-expanded=false] >> nth=0")
+    page.wait_for_selector("#grid .fold[aria-expanded=true]")
+    assert cards.count() > folded and page.locator("#grid .stack").count() == stacked - 1
+    page.click("#grid .fold[aria-expanded=true]")
+    assert cards.count() == folded
     page.click("#choose-all")
     count = int(page.inner_text("#chosen-count").split()[0])
     page.select_option("#zip-format", "bvh")
