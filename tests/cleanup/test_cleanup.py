@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -159,6 +160,16 @@ def test_two_bones_reach_their_goal_and_keep_their_lengths():
     np.testing.assert_allclose(new_ankle[possible], goal[possible], atol=1e-9)
     same = reach(hip, knee, ankle, ankle, ahead)
     np.testing.assert_allclose(same[0], knee, atol=1e-5)
+
+
+@pytest.mark.parametrize("same", [(1, 2, 4, 5, 7, 8), (4, 5, 7, 8), range(22)])
+@pytest.mark.filterwarnings("error:.*:RuntimeWarning")
+def test_bones_without_a_length_divide_by_nothing(same):
+    joints = np.random.default_rng(0).normal(size=(30, 22, 3)).astype("f4")
+    joints[:, list(same)] = joints[:, [1]]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CleanUpWarning)
+        assert np.isfinite(clean(Motion(joints)).joints).all()
 
 
 def test_a_straight_leg_bends_forward_even_if_it_was_bent_back_a_little():

@@ -37,7 +37,13 @@ def test_a_motion_is_of_life_size_and_upright(kind: str, tmp_path: Path) -> None
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_guess_is_told_in_one_line(kind: str, tmp_path: Path) -> None:
     path = KINDS[kind](tmp_path / "a.bvh")
-    certain = ("centimeters, y up", "bones along one axis", "bones in a heap", "of LAFAN1")
+    certain = (
+        "centimeters, y up",
+        "facing backward at rest",
+        "bones along one axis",
+        "bones in a heap",
+        "of LAFAN1",
+    )
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         formats.load(path)
@@ -59,6 +65,16 @@ def test_as_a_target_it_stands_on_its_own_floor(kind: str, tmp_path: Path) -> No
     assert abs(lowest[1] - lowest[0]) < 0.01
     shown = Motion.load(out)
     np.testing.assert_allclose(shown.joints, walk(24).joints, atol=0.06)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_its_own_motion_comes_back_as_it_is(kind: str, tmp_path: Path) -> None:
+    path, out = KINDS[kind](tmp_path / "a.bvh"), tmp_path / "out.bvh"
+    write(out, read_rig(path), [Motion.load(path)])
+    before, after = (read_bvh(file, 1.0) for file in (path, out))
+    np.testing.assert_allclose(after.rotations, before.rotations, atol=0.005)
+    scale = np.abs(before.joints()).max()
+    np.testing.assert_allclose(after.joints(), before.joints(), atol=0.002 * scale)
 
 
 def test_a_folder_is_guessed_file_by_file(tmp_path: Path) -> None:

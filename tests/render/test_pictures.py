@@ -18,7 +18,10 @@ from tests.support.walker import walker
 Image = pytest.importorskip("PIL.Image")
 av = pytest.importorskip("av")
 
+from PIL import ImageFont  # noqa: E402
+
 from latentmotion.render import strip, video  # noqa: E402
+from latentmotion.render.painter import font_for  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +68,26 @@ def test_a_strip_has_a_row_for_each_motion_and_figures_along_it(motion: Motion, 
     quarters = np.array_split(seen[:half], 4, axis=1)
     assert all(quarter.mean() > 0.005 for quarter in quarters)
     assert not seen[:20].any()
+
+
+def test_arms_at_the_ends_of_a_strip_are_in_it(tmp_path: Path):
+    figure = Motion(np.repeat(walker(1).skeleton.rest_joints()[None], 9, axis=0).astype("f4"))
+    strip.write(tmp_path / "a.png", [figure])
+    with Image.open(tmp_path / "a.png") as picture:
+        bright = np.asarray(picture.convert("L")).astype(int)[60:150]
+    seen = np.abs(bright - np.median(bright, axis=1, keepdims=True)).max(axis=0) > 60
+    assert seen[:200].any() and not seen[:12].any() and not seen[-12:].any()
+
+
+def test_a_font_that_has_the_letters_is_taken():
+    assert font_for("a person walks", 18).getname() == font_for("", 18).getname()
+    cyrillic = font_for("человек идёт", 18)
+    for name in ("DejaVuSans.ttf", "NotoSans-Regular.ttf"):
+        try:
+            ImageFont.truetype(name, 18)
+        except OSError:
+            continue
+        assert bytes(cyrillic.getmask("ч")) != bytes(cyrillic.getmask("\U0010ffff"))
 
 
 def test_a_strip_along_the_path(motion: Motion, tmp_path: Path):

@@ -12,7 +12,7 @@ import numpy as np
 from latentmotion.formats.bvh import BvhLayout, write_bvh
 from latentmotion.formats.engines import for_engine
 from latentmotion.kinematics.skeleton import Animation, Skeleton, posed
-from latentmotion.kinematics.standing import AXES, METERS_PER_UNIT, in_axes
+from latentmotion.kinematics.standing import AXES, METERS_PER_UNIT, in_axes, rebased
 from latentmotion.motion import Motion
 from tests.support.walker import walker
 
@@ -70,6 +70,12 @@ def _turned_root(frames: int) -> Animation:
     return replace(animation, rotations=rotations, root_positions=animation.root_positions @ turn.T)
 
 
+def _backward(frames: int) -> Animation:
+    """Returns frames of a skeleton whose rest pose faces -z."""
+    animation = _standing(frames)
+    return rebased(animation, np.tile(np.diag([-1.0, 1, -1]), (len(animation.skeleton), 1, 1)))
+
+
 def _heap(frames: int) -> Animation:
     """Returns frames of a skeleton whose offsets are all 0: channels have them."""
     animation = _standing(frames)
@@ -90,6 +96,7 @@ KINDS: Mapping[str, Callable[[Path], Path]] = MappingProxyType(
                 *(("meters", "z"), ("millimeters", "z"), ("cmu", "-y")),
             )
         },
+        "facing backward at rest": lambda path: _written(path, _backward(30)),
         "z up, rest pose with y up": lambda path: _written(path, _turned_root(30)),
         "bones along one axis": lambda path: _written(path, with_fingers()),
         "bones along one axis, z up, inches": lambda path: _written(

@@ -72,7 +72,7 @@ def reach(
     away = _norm(line)
     axis = line / np.maximum(away, 1e-12)
     distance = np.clip(away, np.abs(thigh - shank) + 1e-6, thigh + shank)
-    along = (thigh**2 - shank**2 + distance**2) / (2 * distance)
+    along = (thigh**2 - shank**2 + distance**2) / np.maximum(2 * distance, 1e-12)
     radius = np.sqrt(np.maximum(thigh**2 - along**2, 0))
     before = unit(ankle - hip)
     bend = (knee - hip) - before * _dot(before, knee - hip)

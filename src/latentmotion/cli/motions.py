@@ -93,8 +93,9 @@ def _figures(rig: Rig, motion: Motion, animation: Animation) -> str:
     slid = foot_sliding(motion.joints, motion.fps, motion.skeleton, floor_under(motion.joints))
     slides = foot_sliding(joints, animation.fps, feet, floor_under(joints))
     turned = np.abs(animation.rotations - animation.rotations[:1]).max(axis=(0, 2, 3)) > 1e-4
+    lowest = joints[:, list(at.values()), 1].min()  # not of controls and roots
     return (
-        f"{int(turned.sum())} bones turn; lowest point {100 * joints[..., 1].min():.1f} cm above "
+        f"{int(turned.sum())} bones turn; lowest joint {100 * lowest:.1f} cm above "
         f"the floor; feet slide {100 * slid:.1f} → {100 * slides:.1f} cm/s"
     )
 

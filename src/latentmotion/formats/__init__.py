@@ -55,6 +55,7 @@ READABLE: Mapping[str, str] = MappingProxyType(
         ".vrma": "latentmotion.formats.gltf_reader:read_takes",
         ".fbx": "latentmotion.formats.fbx:read_takes",
         ".amc": "latentmotion.formats.takes:read_amc_file",
+        **dict.fromkeys((".pkl", ".pt"), "latentmotion.formats.smpl_results:read"),
         **dict.fromkeys(
             (".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd_reader:read_takes"
         ),

@@ -20,10 +20,16 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.errors import FileFormatError, InputError, LatentMotionError
-from latentmotion.formats.takes import parse_notes
+from latentmotion.formats.takes import SkeletonTake, parse_notes
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.motion import Motion
-from latentmotion.storage.array_files import names_in, read_array, read_arrays, write_arrays
+from latentmotion.storage.array_files import (
+    holds_objects,
+    names_in,
+    read_array,
+    read_arrays,
+    write_arrays,
+)
 from latentmotion.storage.reading import blamed_on
 
 _KEYS = frozenset(
@@ -56,15 +62,18 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     return [Path(path)]
 
 
-def read(path: str | Path) -> list[Motion]:
+def read(path: str | Path) -> list[SkeletonTake] | list[Motion]:
     """Reads the takes that `write` wrote, or SMPL pose parameters, recognized by their keys.
 
     Raises:
         FileFormatError: The file is damaged, or holds something else.
     """
-    from latentmotion.formats import smpl_npz
+    from latentmotion.formats import smpl_npz, smpl_results
 
-    if smpl_npz.is_smpl(names_in(path)):
+    names = names_in(path)
+    if "results" in names:  # ROMP's
+        return smpl_results.read(path)
+    if smpl_npz.is_smpl(names):
         return [smpl_npz.read_arrays(path, read_arrays(path, smpl_npz.KEYS))]
     arrays = read_arrays(path, _KEYS)
     try:
@@ -99,12 +108,18 @@ def _motions(path: str | Path, arrays: Mapping[str, np.ndarray]) -> list[Motion]
     return motions
 
 
-def read_joints(path: str | Path) -> list[Motion]:
+def read_joints(path: str | Path) -> list[SkeletonTake] | list[Motion]:
     """Reads a bare `.npy` array of joints (frames, joints, 3), as HumanML3D and KIT publish them.
+
+    An array of objects is what TRAM writes.
 
     Raises:
         FileFormatError: The file is damaged, or holds something else.
     """
+    from latentmotion.formats import smpl_results
+
+    if holds_objects(path):
+        return smpl_results.read(path)
     try:
         joints = read_array(path)
         skeleton = _KNOWN[joints.shape[1]]

@@ -41,7 +41,7 @@ _JOINTS, _SMPLX_JOINTS = len(HUMANML3D), 55
 _Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """From our axes, y up, to AMASS's, z up."""
 
-_PELVIS, _PELVIS_X = np.array([0, -0.22, 0.03]), np.array([0, -0.35, 0.01])
+PELVIS, _PELVIS_X = np.array([0, -0.22, 0.03]), np.array([0, -0.35, 0.01])
 """Pelvis in the templates of SMPL and SMPL-H, and in that of SMPL-X, to the centimeter: `trans`
 moves the template, not the pelvis."""
 
@@ -64,7 +64,7 @@ def write_amass(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     """
     layouts = []
     for motion in motions:
-        parameters = _parameters(motion, _Z_UP, _PELVIS)
+        parameters = _parameters(motion, _Z_UP, PELVIS)
         layouts.append(
             {
                 "poses": _padded(parameters.rotations, 52),
@@ -116,7 +116,7 @@ def write_smpl(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     """
     layouts = []
     for motion in motions:
-        parameters = _parameters(motion, np.eye(3), _PELVIS)
+        parameters = _parameters(motion, np.eye(3), PELVIS)
         poses = _padded(parameters.rotations, 24)
         layouts.append(
             {
@@ -170,8 +170,8 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
     axes = _Z_UP if is_z_up else np.eye(3)
     rotations = matrix_from_axis_angle(poses[:, : 3 * _JOINTS].reshape(-1, _JOINTS, 3))
     rotations[:, 0] = axes.T @ rotations[:, 0]
-    pelvis = _PELVIS_X if poses.shape[1] == 3 * _SMPLX_JOINTS else _PELVIS
-    joints = _body(_JOINTS).forward_kinematics(rotations, (trans + pelvis) @ axes)
+    pelvis = _PELVIS_X if poses.shape[1] == 3 * _SMPLX_JOINTS else PELVIS
+    joints = smpl_body(_JOINTS).forward_kinematics(rotations, (trans + pelvis) @ axes)
     notes = parse_notes(path, arrays["metadata"]) if "metadata" in arrays else {}
     caption = str(arrays["caption"]) if "caption" in arrays else ""
     if not rates:
@@ -188,7 +188,7 @@ def _parameters(
     if names not in (HUMANML3D.names, BODY.names):
         problem = f"skeleton {motion.skeleton.name!r} does not have SMPL's joints"
         raise InputError(f"{problem}: it can be written as .bvh, .glb, .usdc, .csv or .npz")
-    rotations = rotations_from(_body(len(names)), animation)
+    rotations = rotations_from(smpl_body(len(names)), animation)
     rotations[:, 0] = axes @ rotations[:, 0]
     return Parameters(axis_angle_from_matrix(rotations), animation.root_positions @ axes.T - pelvis)
 
@@ -211,8 +211,12 @@ def _padded(rotations: Float[np.ndarray, "frames joints 3"], joints: int) -> np.
     return padded.reshape(len(rotations), -1)
 
 
-def _body(joints: int) -> Skeleton:
-    """Returns our T-pose with the first joints of SMPL."""
+def smpl_body(joints: int) -> Skeleton:
+    """Returns our T-pose with the first joints of SMPL.
+
+    Args:
+        joints: How many.
+    """
     return replace(
         BODY,
         names=BODY.names[:joints],

@@ -13,7 +13,9 @@ from latentmotion.formats import bvh
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh, write_bvh
 from latentmotion.formats.engines import ENGINES
+from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import find_humanoid, fitting_map, to_humanml3d
+from latentmotion.kinematics.keypoints import grounded
 from latentmotion.kinematics.recorded import Recorded
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation
 from latentmotion.kinematics.standing import (
@@ -68,6 +70,10 @@ class SkeletonTake:
     """VRM's names of its joints, where the file itself has them."""
     meters: float | None = 1.0
     """Meters per unit as the format or the file says; None where neither does."""
+    from_video: bool = False
+    """Whether a tracker made it of a video: its rate is a guess, its axes may be the camera's."""
+    path_is_missing: bool = False
+    """Whether the body stays in place although it moved."""
 
 
 def read_bvh_file(path: str | Path) -> list[SkeletonTake]:
@@ -134,14 +140,23 @@ def motion_of(take: SkeletonTake, stated: Stated = NOTHING) -> Motion:
     joint_map = fitting_map(stated.joint_maps, animation.skeleton.names)
     joints = to_humanml3d(animation, joint_map, take.declared)
     body = find_humanoid(animation.skeleton, take.declared, joint_map)
-    if ours is not None and stated.up is None and rest_stands(body):
+    if ours is not None and stated.up is None and not take.from_video and rest_stands(body):
         # Files of ours have y up, also where somebody lies.
         stated = replace(stated, up=up_at_rest(body))
     standing = find_standing(joints, stated, take.meters)
-    if standing.guesses:
-        warnings.warn(f"a guess: {', '.join(standing.guesses)}", ReadingWarning, stacklevel=3)
+    guesses = list(standing.guesses)
     animation = upright(animation, standing)
     joints = standing.meters * joints @ standing.axes
+    if take.from_video and stated.fps is None:
+        guesses.append(f"{animation.fps:g} frames per second (or --fps)")
+    if take.path_is_missing:
+        hips = [HUMANML3D.names.index(f"{side}_hip") for side in SIDES]
+        centered = joints - joints[:, hips].mean(axis=1, keepdims=True)
+        joints, _ = grounded(centered, HUMANML3D.names, animation.fps)
+        animation = replace(animation, root_positions=joints[:, 0])
+        guesses.append("the path is what keeps standing feet in place")
+    if guesses:
+        warnings.warn(f"a guess: {', '.join(guesses)}", ReadingWarning, stacklevel=3)
     recorded = Recorded.of(animation, replace(body, skeleton=animation.skeleton), joints)
     if ours is not None:
         joints = animation.joints()[:, joints_kept]

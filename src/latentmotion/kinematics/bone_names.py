@@ -256,7 +256,7 @@ VRM = _convention(
 )
 """The bones of VRM's humanoid, which are Unity's too."""
 
-_JOINTS = "@hip @knee @ankle @foot/@toe/@toebase @collar @shoulder @elbow @wrist"
+_JOINTS = "@hip @knee @ankle @foot/@toe/@toes/@toebase @collar @shoulder @elbow @wrist"
 _MIXAMO = "@upleg @leg @foot @toebase/@toe/@toes @shoulder @arm @forearm @hand"
 _JOINTS_BEHIND = (
     "hip@ knee@ ankle@ foot@/toes@/toe@ clavicle@/scapula@/collar@ shoulder@ elbow@ wrist@"

@@ -47,6 +47,9 @@ _LEG = (0.5, 1.3)
 _USUAL_LEG = 0.82
 """Meters; of several units, that in which a leg comes nearest is taken."""
 
+_CMU_LEG = (0.68, 1.0)
+"""Lengths of legs in CMU's unit, meters: its subjects are adults."""
+
 _OWN_LEG = (0.3, 1.5)
 """Lengths of a figure's legs in the unit that its format has, meters: children and giants."""
 
@@ -208,8 +211,11 @@ def _unit(
         return declared, []
     if declared is None and _LEG[0] <= leg * METERS_PER_UNIT["centimeters"] <= _LEG[1]:
         return METERS_PER_UNIT["centimeters"], []
+    limits = {name: _CMU_LEG if name == "cmu" else _LEG for name in METERS_PER_UNIT}
     fitting = [
-        name for name, meters in METERS_PER_UNIT.items() if _LEG[0] <= leg * meters <= _LEG[1]
+        name
+        for name, meters in METERS_PER_UNIT.items()
+        if limits[name][0] <= leg * meters <= limits[name][1]
     ]
     if not fitting and any_size:
         return _USUAL_LEG / leg, [f"its legs are taken to be {_USUAL_LEG} m long (or --unit)"]
@@ -365,6 +371,11 @@ def up_at_rest(body: Humanoid) -> str:
     _, _, ankles, shoulders = _rest(body)
     upward = shoulders.mean(0) - ankles.mean(0)
     return max(AXES, key=lambda name: float(upward @ AXES[name][:, 1]))
+
+
+def facing_at_rest(body: Humanoid) -> Float[np.ndarray, "3 3"]:
+    """Returns the left, up and ahead of a rest pose, y up; none of its own if it lies."""
+    return RestPose.of(body).axes if up_at_rest(body) == "y" else np.eye(3)
 
 
 def straightest(joints: Joints) -> int:

@@ -390,13 +390,43 @@ def paint_text(
     room: float = 1e9,
 ) -> None:
     """Writes one line on a picture of final size, shortened to `room` pixels."""
-    font = ImageFont.load_default(size)
+    font = font_for(text, size)
     draw = ImageDraw.Draw(picture)
     if draw.textlength(text, font=font) > room:
         while text and draw.textlength(text + "…", font=font) > room:
             text = text[:-1].rstrip()
         text += "…"
     draw.text(position, text, fill=INK, font=font, anchor=anchor)
+
+
+_FONTS = (
+    *("NotoSans-Regular.ttf", "DejaVuSans.ttf", "NotoSansCJK-Regular.ttc", "wqy-microhei.ttc"),
+    *("Arial Unicode.ttf", "PingFang.ttc", "Hiragino Sans GB.ttc", "AppleSDGothicNeo.ttc"),
+    *("msyh.ttc", "YuGothM.ttc", "malgun.ttf", "Nirmala.ttf", "arial.ttf"),
+)
+"""Fonts of Linux, macOS and Windows for letters that Pillow's own font lacks, by file."""
+
+
+def font_for(text: str, size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Returns Pillow's font, or the font of this computer that has most of a text's letters."""
+    best = ImageFont.load_default(size)
+    fewest = _lacking(best, text)
+    for name in _FONTS:
+        if not fewest:
+            break
+        try:
+            font = ImageFont.truetype(name, size)
+        except OSError:  # there is none
+            continue
+        if (lacking := _lacking(font, text)) < fewest:
+            best, fewest = font, lacking
+    return best
+
+
+def _lacking(font: ImageFont.FreeTypeFont | ImageFont.ImageFont, text: str) -> int:
+    """Returns how many letters of a text a font draws as it draws what no font has."""
+    blank = bytes(font.getmask("\U0010ffff"))
+    return sum(bytes(font.getmask(letter)) == blank for letter in set(text) if not letter.isspace())
 
 
 def faded(color: tuple[int, int, int], strength: float) -> tuple[int, int, int]:

@@ -86,7 +86,10 @@ def _row(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
     target = np.array([0.0, floor + height / 2 - 0.26, 0.0])
     pixels = painter.oversampled(size)
     camera = camera_around(target, half_front(motion), np.radians(9), 40, pixels, height)
-    positions = (np.arange(len(frames)) + 0.5) * (width / len(frames)) - width / 2
+    aside = (bodies.vertices - bodies.joints[:, :1] * (1, 0, 1)) @ camera.axes()[0]
+    half = width / len(frames) / 2  # the first and the last have room for all of their reach
+    start, end = max(half, 0.05 - aside[0].min()), max(half, 0.05 + aside[-1].max())
+    positions = np.linspace(start - width / 2, width / 2 - end, len(frames))
     steps = positions[:, None] * camera.axes()[0] - bodies.joints[:, 0] * (1, 0, 1)
     moved = [bodies.moved(number, step) for number, step in enumerate(steps)]
     picture = _painted(size, camera, moved, floor, 0.62 * width)

@@ -27,6 +27,7 @@ from latentmotion.kinematics.standing import (
     NOTHING,
     RestPose,
     Stated,
+    facing_at_rest,
     find_standing,
     in_axes,
     rebased,
@@ -252,10 +253,13 @@ def _moving_rig(file: RigFile, animation: Animation, body: Humanoid, stated: Sta
     moving = upright(animation, standing)
     body, bases, axes = replace(body, skeleton=moving.skeleton), None, standing.axes
     if rest_stands(body) and up_at_rest(body) == "y":
-        turn = RestPose.of(body).axes  # about the vertical
+        turn = facing_at_rest(body)
         moving, axes = in_axes(moving, turn, 1.0), axes @ turn
     else:
-        bases = standing_bases(moving, body, joints)
+        if rest_stands(body):  # along another axis than in the frames
+            bases = np.tile(RestPose.of(body).axes, (len(body.skeleton), 1, 1))
+        else:
+            bases = standing_bases(moving, body, joints)
         moving = rebased(moving, bases, straightest(joints))
     heights = moving.joints()[:, :, 1].min(axis=1)
     rest = moving.skeleton.rest_joints()

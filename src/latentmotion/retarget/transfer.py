@@ -46,7 +46,7 @@ from latentmotion.kinematics.rotations import (
     slerp,
 )
 from latentmotion.kinematics.skeleton import Animation, posed
-from latentmotion.kinematics.standing import RestPose
+from latentmotion.kinematics.standing import RestPose, facing_at_rest
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
 from latentmotion.retarget.feet import align_foot, ground_feet
@@ -83,8 +83,10 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
     """
     character = SourceCharacter.of(source, body)
     if _is_own(character, rig):
-        root = character.joints[:, 0] - (0, rig.floor, 0)
-        return posed(rig.skeleton, character.world, character.joints, character.fps, root)
+        facing = facing_at_rest(character.body)  # a rig's rest pose faces +z, whatever its file's
+        joints = character.joints @ facing
+        root = joints[:, 0] - (0, rig.floor, 0)
+        return posed(rig.skeleton, facing.T @ character.world, joints, character.fps, root)
     rotations = _torso(character, rig.body) | _limbs(character, rig)
     for side in SIDES:
         align = align_foot(rig, character, side)

@@ -30,7 +30,7 @@ _NO_ZIP = "not a motion file, nor another .npz: cut short, or no .npz at all"
 _KINDS = "biufU"
 _PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1
-_DAMAGE = (
+DAMAGE = (
     *(OSError, EOFError, ValueError, TypeError, SyntaxError, OverflowError, MemoryError),
     *(struct.error, tokenize.TokenError, zlib.error, zipfile.BadZipFile, RuntimeError),
 )
@@ -90,6 +90,16 @@ def read_array(path: str | Path) -> np.ndarray:
         return _array(path, "", opened, Path(path).stat().st_size)
 
 
+def holds_objects(path: str | Path) -> bool:
+    """Returns whether an `.npy` file holds objects instead of numbers: a pickle.
+
+    Raises:
+        FileFormatError: It is no `.npy`, or damaged.
+    """
+    with _damage(path), Path(path).open("rb") as opened:
+        return _header(path, "the array", opened)[2].hasobject
+
+
 def write_arrays(path: str | Path, arrays: Mapping[str, Any]) -> None:
     """Writes an `.npz` file, whatever its ending.
 
@@ -119,9 +129,10 @@ def check_members(path: str | Path, members: Collection[zipfile.ZipInfo]) -> Non
         raise FileFormatError(path, problem)
 
 
-def _array(path: str | Path, name: str, file: BinaryIO | Any, size: int) -> np.ndarray:
-    """Reads an array of a file of so many bytes, once its header says that it fits."""
-    where = f"the array {name!r}" if name else "the array"
+def _header(
+    path: str | Path, where: str, file: BinaryIO | Any
+) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Returns shape, order and type of an array, as its header says."""
     version = np.lib.format.read_magic(file)
     headers = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -129,7 +140,13 @@ def _array(path: str | Path, name: str, file: BinaryIO | Any, size: int) -> np.n
     }
     if version not in headers:
         raise FileFormatError(path, f"{where} is of the version {version} of .npy")
-    shape, fortran, dtype = headers[version](file)
+    return headers[version](file)
+
+
+def _array(path: str | Path, name: str, file: BinaryIO | Any, size: int) -> np.ndarray:
+    """Reads an array of a file of so many bytes, once its header says that it fits."""
+    where = f"the array {name!r}" if name else "the array"
+    shape, fortran, dtype = _header(path, where, file)
     if dtype.kind not in _KINDS or dtype.hasobject or dtype.names:
         raise FileFormatError(path, f"{where} holds {dtype}, expected numbers or text")
     count = math.prod(shape)
@@ -150,7 +167,7 @@ def _damage(path: str | Path) -> Iterator[None]:
     try:
         with warnings.catch_warnings(action="ignore"):  # of headers that Python 2 wrote
             yield
-    except _DAMAGE as error:
+    except DAMAGE as error:
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         raise FileFormatError(
             path, f"cannot be read as NumPy's, save it again: {reason:.300}"

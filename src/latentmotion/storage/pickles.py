@@ -28,7 +28,7 @@ from latentmotion.storage import limits
 from latentmotion.storage.reading import read_bytes
 
 
-class _Type:
+class StandInType:
     """Stands for `numpy.dtype` while a pickle is read.
 
     Args:
@@ -70,7 +70,7 @@ class _Type:
         return np.frombuffer(raw, self.dtype) if count else np.zeros(0, self.dtype)
 
 
-class _Array:
+class StandInArray:
     """Stands for `numpy.ndarray` while a pickle is read: nothing is there before its contents."""
 
     __hash__ = None  # type: ignore[assignment]
@@ -116,21 +116,21 @@ class _SparseColumns:
         return whole
 
 
-def _reconstruct(cls: type, *_: Any) -> _Array:
+def _reconstruct(cls: type, *_: Any) -> StandInArray:
     """Makes an array that has no contents yet, as NumPy's pickles do."""
-    if cls is not _Array:
+    if cls is not StandInArray:
         raise pickle.UnpicklingError(f"it makes an array of {cls!r}")
-    return _Array()
+    return StandInArray()
 
 
-def _from_buffer(raw: Any, kind: _Type, shape: Any, order: str) -> _Array:
+def _from_buffer(raw: Any, kind: StandInType, shape: Any, order: str) -> StandInArray:
     """Makes an array as protocol 5 does."""
-    array = _Array()
+    array = StandInArray()
     array.__setstate__((shape, kind, order == "F", raw))
     return array
 
 
-def _scalar(kind: _Type, raw: Any = None) -> Any:
+def _scalar(kind: StandInType, raw: Any = None) -> Any:
     """Makes a number of NumPy's."""
     if kind.dtype.kind == "O":
         raise pickle.UnpicklingError("it holds an object as a number")
@@ -174,8 +174,8 @@ _REBUILDERS = {
 """Functions that NumPy's own pickles call, by their names in all its versions."""
 
 ALLOWED: dict[tuple[str, str], Any] = {
-    ("numpy", "ndarray"): _Array,
-    ("numpy", "dtype"): _Type,
+    ("numpy", "ndarray"): StandInArray,
+    ("numpy", "dtype"): StandInType,
     ("_codecs", "encode"): _encode,
     ("collections", "OrderedDict"): OrderedDict,
     ("builtins", "bytes"): _bytes(bytes),
@@ -254,11 +254,29 @@ def load(path: str | Path) -> Any:
         FileFormatError: The file is missing, damaged, no pickle, or holds anything else, which
             is named; nothing of it was run.
     """
-    try:
-        content = read_bytes(path)
+
+    def loaded(content: bytes) -> Any:
         check_program(content)
-        loaded = RestrictedUnpickler(io.BytesIO(content), lambda *name: ALLOWED[name], "latin1")
-        return _Plain(len(content)).value(loaded.load())
+        return RestrictedUnpickler(
+            io.BytesIO(content), lambda *name: ALLOWED[name], "latin1"
+        ).load()
+
+    return plain_values(path, read_bytes(path), loaded)
+
+
+def plain_values(path: str | Path, content: bytes, loaded: Callable[[bytes], Any]) -> Any:
+    """Returns what a restricted reader makes of a file, stand-ins replaced by their values.
+
+    Args:
+        path: The file, for errors.
+        content: What is in it, which bounds what it may hold.
+        loaded: The reader.
+
+    Raises:
+        FileFormatError: The reader failed, for any reason.
+    """
+    try:
+        return _Plain(len(content)).value(loaded(content))
     except FileFormatError:
         raise
     except ForbiddenName as error:
@@ -338,7 +356,7 @@ class _Plain:
         return plain, size
 
     def _replaced(self, value: Any) -> tuple[Any, int]:
-        if isinstance(value, _Array):
+        if isinstance(value, StandInArray):
             values, size = value.values, 0
             if values is None:
                 raise pickle.UnpicklingError("it holds an array without contents")
@@ -366,7 +384,7 @@ class _Plain:
         return (list(plain) if isinstance(value, list) else tuple(plain)), size
 
 
-_CONTAINERS = (list, tuple, dict, _Array, _SparseColumns)
+_CONTAINERS = (list, tuple, dict, StandInArray, _SparseColumns)
 
 _NOT_PLAIN = (
     "holds {name}, expected only arrays, lists, dictionaries, text and numbers; it was not read, "

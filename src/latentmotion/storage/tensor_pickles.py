@@ -1,0 +1,258 @@
+"""Results of research code, read without running any: arrays among plain values.
+
+    joblib      a pickle with the contents of its arrays between its instructions, also by zlib
+    PyTorch     a zip archive of a pickle and the contents of its tensors
+    NumPy       `.npy` and `.npz` of objects, each a pickle, in which tensors of PyTorch may lie
+
+Names are looked up in a list, as in `pickles.py`, and tensors become arrays, so that PyTorch need
+not be there. Python's own unpickler in Python is used, since the one in C cannot stop between two
+instructions.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import pickle
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar
+from zipfile import ZipFile, is_zipfile
+
+import numpy as np
+
+from latentmotion.errors import FileFormatError
+from latentmotion.storage import limits
+from latentmotion.storage.array_files import DAMAGE, check_members
+from latentmotion.storage.pickles import (
+    ALLOWED,
+    PYTHON_2,
+    ForbiddenName,
+    StandInArray,
+    StandInType,
+    plain_values,
+)
+from latentmotion.storage.reading import read_bytes
+
+_TYPES = {
+    "DoubleStorage": "<f8",
+    "FloatStorage": "<f4",
+    "HalfStorage": "<f2",
+    "LongStorage": "<i8",
+    "IntStorage": "<i4",
+    "ShortStorage": "<i2",
+    "CharStorage": "<i1",
+    "ByteStorage": "<u1",
+    "BoolStorage": "|b1",
+}
+"""Storages of PyTorch and their types in NumPy; the types that NumPy lacks are not read."""
+
+_BYTES_BEFORE = 16
+"""Most bytes by which joblib moves the contents of an array to a whole address."""
+
+
+def load(path: str | Path) -> Any:
+    """Reads a file of results.
+
+    Returns:
+        Arrays, lists, tuples, dictionaries, sets, text, bytes and numbers, in any nesting.
+
+    Raises:
+        FileFormatError: The file is missing, damaged, of no such kind, or names anything else;
+            nothing of it was run.
+    """
+    content = read_bytes(path)
+    if content.startswith(b"PK") and is_zipfile(path):
+        return _zipped(path)
+    if content[:1] == b"\x78":  # zlib's first byte; no pickle begins with it
+        content = _unpacked(path, content)
+    if content.startswith(b"\x93NUMPY"):
+        return plain_values(path, content, lambda raw: _objects(raw))
+    return plain_values(path, content, lambda raw: _Unpickler(io.BytesIO(raw)).load())
+
+
+def _unpacked(path: str | Path, content: bytes) -> bytes:
+    most = max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * len(content))
+    unpacking = zlib.decompressobj()
+    try:
+        whole = unpacking.decompress(content, most)
+    except zlib.error as error:
+        raise FileFormatError(path, f"packed by zlib, but damaged: {error}") from error
+    if unpacking.unconsumed_tail:
+        raise FileFormatError(path, f"would unpack to more than {most:,} bytes")
+    return whole
+
+
+def _zipped(path: str | Path) -> Any:
+    """Reads a file of PyTorch, or each array of an `.npz`."""
+    try:
+        with ZipFile(path) as archive:
+            check_members(path, archive.infolist())
+            members = {name: archive.read(name) for name in archive.namelist()}
+    except DAMAGE as error:
+        raise FileFormatError(path, f"a damaged zip archive ({error})") from error
+    program = next((name for name in members if name.endswith("/data.pkl")), None)
+    if program is None:
+        arrays = {name.removesuffix(".npy"): raw for name, raw in members.items()}
+        return {name: plain_values(path, raw, _objects) for name, raw in arrays.items()}
+    folder = program.removesuffix("data.pkl")
+
+    def stored(key: str) -> bytes:
+        return members[f"{folder}data/{key}"]
+
+    whole = b"".join(members.values())
+    return plain_values(
+        path, whole, lambda _: _Unpickler(io.BytesIO(members[program]), stored).load()
+    )
+
+
+def _objects(raw: bytes) -> Any:
+    """Reads an array of NumPy's, of numbers or of objects."""
+    file = io.BytesIO(raw)
+    version = np.lib.format.read_magic(file)
+    read = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    shape, fortran, kind = read[version](file)
+    if kind.hasobject:
+        return _Unpickler(file).load()
+    return _array(StandInType(kind.str).values(file.read(), shape), shape, fortran)
+
+
+def _array(values: np.ndarray, shape: tuple[int, ...], fortran: bool = False) -> StandInArray:
+    array = StandInArray()
+    array.values, array.shape, array.fortran = values, tuple(map(int, shape)), fortran
+    return array
+
+
+class _Storage:
+    """Numbers of a tensor.
+
+    Args:
+        kind: Type of the numbers.
+        raw: Their bytes.
+    """
+
+    def __init__(self, kind: str, raw: bytes) -> None:
+        kind_of = np.dtype(kind)
+        self.values = np.frombuffer(raw[: len(raw) // kind_of.itemsize * kind_of.itemsize], kind_of)
+
+
+def _rebuilt(storage: _Storage, offset: int, size: Any, stride: Any, *_: Any) -> StandInArray:
+    """Makes a tensor that repeats none of its numbers."""
+    size, stride = tuple(map(int, size)), tuple(map(int, stride))
+    last = offset + sum((n - 1) * step for n, step in zip(size, stride, strict=True))
+    if min((*size, *stride, offset), default=0) < 0 or math.prod(size) > len(storage.values):
+        raise pickle.UnpicklingError(f"it holds a tensor of shape {size} without its numbers")
+    if math.prod(size) == 0:
+        return _array(storage.values[:0], size)
+    if last >= len(storage.values):
+        raise pickle.UnpicklingError(f"it holds a tensor of shape {size} beyond its numbers")
+    width = storage.values.itemsize
+    strides = tuple(step * width for step in stride)
+    view = np.lib.stride_tricks.as_strided(storage.values[offset:], size, strides, writeable=False)
+    return _array(view.copy().ravel(), size)
+
+
+def _storage_of_bytes(raw: bytes) -> _Storage:
+    """Reads a storage that PyTorch pickles outside of its own files: five pickles and numbers."""
+    file = io.BytesIO(raw)
+    for _ in range(3):  # magic number, version, system
+        _Unpickler(file).load()
+    kind = _Unpickler(file, lambda _: b"").load()
+    keys = _Unpickler(file).load()
+    if not isinstance(kind, _Storage) or len(keys) != 1:
+        raise pickle.UnpicklingError("it holds a storage of PyTorch of an unknown kind")
+    count = int.from_bytes(file.read(8), "little")
+    return _Storage(kind.values.dtype.str, file.read(count * kind.values.itemsize))
+
+
+class _JoblibArray:
+    """Stands for joblib's array, whose contents follow in the file."""
+
+    shape: tuple[int, ...]
+    order: str
+    dtype: StandInType
+    numpy_array_alignment_bytes: int | None = None
+
+    def read(self, file: io.BytesIO) -> Any:
+        """Returns the array."""
+        if self.dtype.dtype.hasobject:
+            return _Unpickler(file).load()
+        if self.numpy_array_alignment_bytes is not None:
+            before = file.read(1)[0]
+            file.read(min(before, _BYTES_BEFORE))
+        count = math.prod(self.shape) * self.dtype.dtype.itemsize
+        if count < 0 or count > len(file.getbuffer()):
+            raise pickle.UnpicklingError(f"it holds an array of shape {self.shape}, cut short")
+        values = self.dtype.values(file.read(count), self.shape)
+        return _array(values, self.shape, self.order == "F")
+
+
+_NAMES: dict[tuple[str, str], Any] = {
+    **ALLOWED,
+    **{("torch", name): kind for name, kind in _TYPES.items()},
+    ("torch._utils", "_rebuild_tensor_v2"): _rebuilt,
+    ("torch._utils", "_rebuild_parameter"): lambda tensor, *_: tensor,
+    ("torch.storage", "_load_from_bytes"): _storage_of_bytes,
+    ("torch", "Size"): tuple,
+    ("joblib.numpy_pickle", "NumpyArrayWrapper"): _JoblibArray,
+    ("collections", "defaultdict"): lambda *_: {},
+    ("builtins", "dict"): dict,
+    ("builtins", "list"): list,
+}
+"""Names that a file may use, and what it gets for each."""
+
+
+class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]
+    """Reads a pickle whose arrays may lie outside of it or between its instructions.
+
+    Args:
+        file: The pickle.
+        stored: Key of a storage of PyTorch → its bytes; by default there are none.
+    """
+
+    dispatch: ClassVar[dict[int, Any]] = dict(pickle._Unpickler.dispatch)  # type: ignore[attr-defined]
+
+    def __init__(self, file: io.BytesIO, stored: Callable[[str], bytes] | None = None) -> None:
+        super().__init__(file, encoding="latin1")
+        self._file, self._stored = file, stored
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Looks a name up.
+
+        Raises:
+            ForbiddenName: It is not allowed.
+        """
+        found = _NAMES.get((PYTHON_2.get(module, module), name))
+        if found is None:
+            raise ForbiddenName(f"{module}.{name}")
+        return found
+
+    def persistent_load(self, pid: Any) -> Any:
+        """Returns a storage of PyTorch.
+
+        Raises:
+            ForbiddenName: It is anything else.
+        """
+        if self._stored is None or not isinstance(pid, tuple) or pid[0] != "storage":
+            raise ForbiddenName(f"the outside object {pid!r}")
+        return _Storage(pid[1], self._stored(str(pid[2])))
+
+    def load_build(self) -> None:
+        """Reads the contents of an array of joblib's, which follow its description."""
+        super().load_build()
+        if isinstance(self.stack[-1], _JoblibArray):
+            self.stack[-1] = self.stack[-1].read(self._file)
+
+    def load_bytearray8(self) -> None:
+        """Reads bytes; Python's own would take memory before it looks whether they are there."""
+        size = int.from_bytes(self.read(8), "little")
+        if size > len(self._file.getbuffer()):
+            raise pickle.UnpicklingError("pickle data was truncated")
+        self.append(bytearray(self.read(size)))
+
+    dispatch[pickle.BUILD[0]] = load_build
+    dispatch[pickle.BYTEARRAY8[0]] = load_bytearray8
