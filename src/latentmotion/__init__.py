@@ -19,6 +19,7 @@ from latentmotion.plugins import register
 if TYPE_CHECKING:
     from latentmotion.control.edit import generate_between as generate_between
     from latentmotion.control.edit import generate_edited as generate_edited
+    from latentmotion.control.edit import generate_joined as generate_joined
     from latentmotion.control.fit_keypoints import fit_motion as fit_motion
     from latentmotion.control.goals import Heading as Heading
     from latentmotion.control.goals import LookAt as LookAt
@@ -48,6 +49,7 @@ _HOMES = {
     "fit_motion": "control.fit_keypoints",
     "generate_between": "control.edit",
     "generate_edited": "control.edit",
+    "generate_joined": "control.edit",
     "generate_loop": "control.stream",
     "generate_stream": "control.stream",
     "generate_timeline": "control.timeline",
@@ -85,6 +87,7 @@ __all__ = [
     "fit_motion",
     "generate_between",
     "generate_edited",
+    "generate_joined",
     "generate_loop",
     "generate_stream",
     "generate_timeline",

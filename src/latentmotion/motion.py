@@ -176,6 +176,18 @@ class Motion:
         joints = self.joints[:, self.skeleton.mirror] * np.array([-1, 1, 1], np.float32)
         return self.with_joints(joints, mirror_words(self.caption))
 
+    def at_speed(self, speed: float) -> Motion:
+        """Returns the motion so many times as fast, at its own frame rate.
+
+        Raises:
+            InputError: `speed` is not a number from 0.1 to 10.
+        """
+        if not 0.1 <= speed <= 10:
+            raise InputError(f"speed {speed:g}: expected 0.1 to 10 times as fast as it is")
+        recorded = self.recorded and self.recorded.at_rate(self.fps * speed)
+        faster = replace(self, fps=self.fps * speed).with_recorded(recorded).resampled(self.fps)
+        return faster.with_joints(faster.joints, self.caption).with_recorded(faster.recorded)
+
     def with_joints(self, joints: Float[np.ndarray, "frames joints 3"], caption: str) -> Motion:
         """Returns other joints of this motion, without what was said of its own frames."""
         metadata = {name: it for name, it in self.metadata.items() if name not in _OF_FRAMES}

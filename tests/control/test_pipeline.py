@@ -12,9 +12,10 @@ import pytest
 from latentmotion import Heading, Motion, MotionPipeline, Pose, Reach, RootPath
 from latentmotion.cli.main import main
 from latentmotion.control.direct import goal_report
-from latentmotion.control.edit import generate_between, generate_edited
+from latentmotion.control.edit import generate_between, generate_edited, generate_joined
 from latentmotion.errors import InputError, ModelError
-from latentmotion.representation.canonical import turn
+from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.representation.canonical import heading, turn
 from tests.support.walker import walker
 
 
@@ -92,6 +93,28 @@ def test_between_poses_and_motions(generate: MotionPipeline) -> None:
         generate_between(generate, Motion(start), Motion(end + np.float32([0, 0, 30])), 1.0, "1")
 
 
+def test_motions_are_joined_where_each_leads(generate: MotionPipeline) -> None:
+    motion = Motion(walker(60).joints(), caption="one")
+    turned = turn(motion.joints, np.asarray(2.0)) + np.array([4.0, 0, 1])
+    other = Motion(turned.astype("f4"), caption="two")
+    whole = generate_joined(generate, [motion, other, other], 0.5, "1")
+    assert len(whole) == 3 * 60 + 2 * 10 and whole.caption == "one, then two, then two"
+    assert (whole.joints[:60] == motion.joints).all()
+    for start in (70, 140):
+        part, before = whole.joints[start : start + 60], whole.joints[start - 11]
+        shape = part - part[:1, :1]
+        angle = heading(part[0], HUMANML3D) - heading(motion.joints[0], HUMANML3D)
+        same = turn(motion.joints - motion.joints[0, 0], np.asarray(angle))
+        np.testing.assert_allclose(shape, same, atol=1e-4)
+        assert abs(heading(part[0], HUMANML3D) - heading(before, HUMANML3D)) < 1e-4
+        pace = np.linalg.norm(motion.joints[5, 0] - motion.joints[0, 0]) / 0.25
+        assert np.linalg.norm(part[0, 0] - before[0]) == pytest.approx(0.5 * pace, abs=0.1)
+    assert len(generate_joined(generate, [motion, other], 0)) == 120
+    assert generate_joined(generate, [motion], 0.5) is motion
+    with pytest.raises(InputError, match="no motion to join"):
+        generate_joined(generate, [], 0.5)
+
+
 def test_a_pose_is_a_goal(generate: MotionPipeline) -> None:
     pose = Motion(generate("1", 2.0, 3, clean_up=None).joints[20:21])
     cleaned = generate("1", 2.0, 3, goals=[Pose(1.0, pose)])
@@ -122,6 +145,16 @@ def test_the_command_line(
     assert (edited.joints[:10] == motion.joints[:10]).all()
     main(["between", "one.npz", "two.npz", "--prompt", "1", *common, "-o", "three.npz"])
     assert len(Motion.load("three.npz")) == 100
+    main(["between", "one.npz", "two.npz", "--align", "--prompt", "1", *common, "-o", "five.npz"])
+    later = Motion.load("five.npz").joints[60:]
+    assert np.linalg.norm(later[0, 0] - Motion.load("three.npz").joints[60, 0]) > 0.1
+    join = ["join", "one.npz", "two.npz", "--trim", "0.5", "1.5", "--prompt", "1", *common]
+    main([*join, "--seconds", "0.5", "-o", "six.npz", "six.contacts.csv"])
+    assert len(Motion.load("six.npz")) == 50
+    assert Path("six.contacts.csv").read_text().startswith("time,event")
+    with pytest.raises(SystemExit):
+        main(["join", *common])
+    assert "no motion file given" in capsys.readouterr().err
     scene = {"format": 1, "prompt": "1", "seconds": 2, "headings": [{"at": 1, "degrees": 3}]}
     Path("scene.json").write_text(json.dumps(scene), encoding="utf-8")
     main(["generate", "--scene", "scene.json", *common, "-o", "four.npz"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -176,6 +177,33 @@ def test_marks_of_a_motion_are_not_those_of_its_parts() -> None:
     motion = Motion(walker(30).joints(), metadata=about)
     for edited in (motion.cut(0.5), motion.joined(motion), motion.mirrored()):
         assert edited.metadata == {"seed": 3}
+
+
+def test_twice_as_fast_is_half_as_long(motion: Motion) -> None:
+    fast = motion.at_speed(2)
+    assert len(fast) == 15 and fast.fps == motion.fps and fast.caption == motion.caption
+    np.testing.assert_allclose(fast.joints, motion.joints[::2], atol=1e-3)
+    np.testing.assert_allclose(fast.at_speed(0.5).joints[::2], fast.joints, atol=1e-3)
+    for speed in (0, -1, 11, float("nan")):
+        with pytest.raises(InputError, match=r"expected 0\.1 to 10 times"):
+            motion.at_speed(speed)
+
+
+def test_contacts_of_feet_are_events(tmp_path: Path) -> None:
+    joints = np.repeat(walker(1).joints(), 40, axis=0)
+    left = [HUMANML3D.names.index(name) for name in ("left_ankle", "left_foot")]
+    joints[10:20, left, 1] += 0.3
+    motion = Motion(joints.astype("f4"))
+    (path,) = motion.save(tmp_path / "a.contacts.json")
+    content = json.loads(path.read_text())
+    assert content["seconds"] == 2 and content["fps"] == 20
+    events = [(one["event"], one["time"]) for one in content["events"]]
+    assert [name for name, _ in events] == ["left_foot_up", "left_foot_down"]
+    np.testing.assert_allclose([time for _, time in events], [0.5, 1.0], atol=0.11)
+    paths = formats.save(tmp_path / "b.contacts.csv", [motion, motion])
+    assert [path.name for path in paths] == ["b-1.contacts.csv", "b-2.contacts.csv"]
+    rows = [f"{time:g},{name}" for name, time in events]
+    assert paths[0].read_text().splitlines() == ["time,event", *rows]
 
 
 def test_mirror_images_swap_sides_of_body_and_caption() -> None:

@@ -174,6 +174,9 @@ def test_a_clip_on_its_own_skeleton_keeps_every_rotation(
     assert read_bvh(out).skeleton.names == read_bvh(source).skeleton.names
     assert bend(read_bvh(source, 1.0), read_bvh(out, 1.0)).max() < 1
     assert "joints moved 0.0 cm on average" in capsys.readouterr().out
+    main(["clean", source, "-o", out, "--trim", "0.5", "1", "--speed", "0.5", "--mirror"])
+    mirrored = read_bvh(out, 1.0)
+    assert mirrored.skeleton.names == read_bvh(source).skeleton.names and len(mirrored) == 19
     main(["clean", source, "-o", out, "--skeleton", "ours"])
     assert read_bvh(out).skeleton.names[0] == "pelvis"
 

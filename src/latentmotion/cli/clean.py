@@ -23,7 +23,7 @@ _INPUT = f"Motion file: {' '.join(formats.READABLE)}."
 
 
 @dataclass(frozen=True)
-class Clean(options.ReadingOptions):
+class Clean(options.MotionOptions):
     """Clean up a motion: hold standing feet, remove jitter, put the figure on the floor.
 
     A BVH file that is cleaned into a BVH file keeps its skeleton, its unit and its axes.
@@ -68,7 +68,7 @@ class Clean(options.ReadingOptions):
         for path in self.output:
             formats.check_ending(path)
             check_writable(path)
-        before = formats.load(self.file, self.stated())
+        before = self.load(self.file)
         motions = clean_batch(before, steps)
         written = [target for path in self.output for target in self._write(path, motions)]
         print("\n".join(f"wrote {path}" for path in written))
@@ -78,8 +78,7 @@ class Clean(options.ReadingOptions):
     def _write(self, path: Path, motions: list[Motion]) -> list[Path]:
         if self.skeleton == "ours":
             return formats.save(path, [motion.with_recorded(None) for motion in motions])
-        endings = {path.suffix.lower(), self.file.suffix.lower()}
-        if endings == {".bvh"} and all(motion.recorded for motion in motions):
+        if {path.suffix.lower(), self.file.suffix.lower()} == {".bvh"}:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", ReadingWarning)  # told when it was read
                 rig = read_rig(self.file, stated=self.stated())

@@ -1,4 +1,4 @@
-"""`latentmotion edit` and `between`: a part of a motion is generated anew, or what joins two."""
+"""`latentmotion edit`, `between`, `join`: makes a part of a motion anew, or what joins several."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ from tyro.conf import Positional, arg
 from latentmotion import formats
 from latentmotion.cli import options
 from latentmotion.cli.options import Guidance, Outputs, RuntimeChoice, Seed, Steps, Threads
-from latentmotion.control.edit import ON_THE_WAY, generate_between, generate_edited
+from latentmotion.control.edit import (
+    ON_THE_WAY,
+    generate_between,
+    generate_edited,
+    generate_joined,
+    put_after,
+)
 from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT
 from latentmotion.motion import Motion
@@ -25,7 +31,7 @@ _MOTION = f"Motion file: {' '.join(formats.READABLE)}."
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Filling(options.ReadingOptions):
+class _Filling(options.MotionOptions):
     """Options of both verbs."""
 
     output: Outputs = (Path("motion.npz"),)
@@ -45,6 +51,13 @@ class _Filling(options.ReadingOptions):
         if self.runtime == "pytorch":
             raise InputError("--runtime pytorch: motions are directed on onnxruntime or openvino")
         return MotionPipeline.from_pretrained(self.model, self.runtime, self.threads)
+
+    def _load(self, path: Path, pipeline: MotionPipeline) -> list[Motion]:
+        """Reads motions at the model's frame rate."""
+        motions, fps = self.load(path), pipeline.representation.fps
+        if motions[0].fps != fps:
+            print(f"{path}: {motions[0].fps:g} frames per second become the model's {fps:g}")
+        return [motion.resampled(fps) for motion in motions]
 
     def _write(self, motion: Motion) -> None:
         written = [file for path in self.output for file in formats.save(path, [motion])]
@@ -73,7 +86,8 @@ class EditMotion(_Filling):
             InputError: A file, a time or a number cannot be used.
             ModelError: The model cannot be loaded or cannot direct motions.
         """
-        generate, motion = self._pipeline(), Motion.load(self.file, self.stated())
+        generate = self._pipeline()
+        motion = self._load(self.file, generate)[0]
         edited = generate_edited(
             generate,
             motion,
@@ -100,6 +114,8 @@ class Between(_Filling):
     """How long the way from the last frame of the first to the first of the second takes."""
     prompt: str = ON_THE_WAY
     """What the person does on the way."""
+    align: bool = False
+    """Put the second motion where the first one leads, facing its way; by default it stays."""
 
     def run(self) -> None:
         """Reads, generates, writes.
@@ -109,8 +125,38 @@ class Between(_Filling):
             ModelError: The model cannot be loaded or cannot direct motions.
         """
         generate = self._pipeline()
-        start, end = (Motion.load(file, self.stated()) for file in (self.start, self.end))
+        start, end = (self._load(file, generate)[0] for file in (self.start, self.end))
+        end = put_after(start, end, self.seconds) if self.align else end
         joined = generate_between(
             generate, start, end, self.seconds, self.prompt, self.seed, self.steps, self.guidance
         )
         self._write(joined)
+
+
+@dataclass(frozen=True)
+class Join(_Filling):
+    """Join motions one after the other, each where the one before leads, with transitions.
+
+    Example: latentmotion join walk.bvh wave.bvh sit.bvh -o day.bvh
+    """
+
+    files: options.Files = ()
+    """Motion files in their order; each motion in them is a part."""
+    seconds: float = 0.6
+    """How long each transition takes; 0 joins by cuts, without the model."""
+    prompt: str = ON_THE_WAY
+    """What the person does on the way."""
+
+    def run(self) -> None:
+        """Reads, generates, writes.
+
+        Raises:
+            InputError: A file or a number cannot be used.
+            ModelError: The model cannot be loaded or cannot direct motions.
+        """
+        if not self.files:
+            raise InputError("no motion file given; try: latentmotion join a.bvh b.bvh -o ab.bvh")
+        generate = self._pipeline()
+        parts = [part for path in self.files for part in self._load(path, generate)]
+        seconds, choice = self.seconds, (self.seed, self.steps, self.guidance)
+        self._write(generate_joined(generate, parts, seconds, self.prompt, *choice))

@@ -32,6 +32,7 @@ VERBS = {
     "clean": Verb("clean:Clean", "Clean up a motion: hold standing feet, remove jitter."),
     "edit": Verb("edit:EditMotion", "Generate a part of a motion anew."),
     "between": Verb("edit:Between", "Generate what leads from one motion to another."),
+    "join": Verb("edit:Join", "Join motions one after the other, with transitions."),
     "teach": Verb("teach:Teach", "Show a model a movement: a clip and what it shows."),
     "fit": Verb("fit:Fit", "Turn keypoints of a tracker into a clean motion."),
     "render": Verb("render:Render", "Draw motion files as video, GIF or picture."),

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from latentmotion import formats
 from latentmotion.blender.build import build_zip, own_command
 from latentmotion.cleanup.changes import floor_under
 from latentmotion.cli import options
@@ -23,7 +22,7 @@ from latentmotion.storage.files import check_writable
 
 
 @dataclass(frozen=True)
-class Retarget(options.ReadingOptions):
+class Retarget(options.MotionOptions):
     """Retarget motions to your own character: any skeleton in .glb, .gltf, .vrm, .fbx, .bvh, .asf.
 
     The joint names of Mixamo, Unreal, Unity, VRM, Rigify, Daz, Character Creator, Biped, Xsens,
@@ -65,7 +64,7 @@ class Retarget(options.ReadingOptions):
         transfer.check_output(rig, self.output)
         if self.root_motion == "root":
             transfer.check_root_bone(rig)
-        motions = [motion for file in self.files for motion in formats.load(file, self.stated())]
+        motions = [motion for file in self.files for motion in self.load(file)]
         joints, body = rig.skeleton.names, rig.body
         spine = ", ".join(joints[joint] for joint in body.spine) or "none"
         print(

@@ -11,12 +11,14 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 from tyro.conf import Positional, UseAppendAction, arg
 
+from latentmotion import formats
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine.backend import Launch, Precision
 from latentmotion.errors import InputError
 from latentmotion.evaluation.protocol import ProtocolName
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.standing import METERS_PER_UNIT, NOTHING, Stated
+from latentmotion.motion import Motion
 
 Output = Annotated[Path, arg(aliases=["-o"])]
 """File or folder to write; the verb says which."""
@@ -180,6 +182,36 @@ class ReadingOptions:
         maps = tuple(load_joint_map(path) for path in self.map)
         stated = Stated(self.unit, self.up, self.fps, maps)
         return None if stated == NOTHING else stated
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionOptions(ReadingOptions):
+    """Options of every command that does something with the motions in files."""
+
+    trim: Annotated[
+        tuple[float, float] | None,
+        arg(help="Take the part of each motion between two times, seconds."),
+    ] = None
+    speed: Annotated[float, arg(help="Make motions so many times as fast.")] = 1.0
+    mirror: Annotated[bool, arg(help="Swap left and right.")] = False
+
+    def load(self, path: Path) -> list[Motion]:
+        """Reads the motions of a file, trimmed, sped up and mirrored as is asked for.
+
+        Raises:
+            DataError: The names of its joints are unknown, or its size or pose is nobody's.
+            InputError: The file cannot be read, or a time or a number is out of range.
+        """
+        motions = formats.load(path, self.stated())
+        try:
+            return [self._changed(motion) for motion in motions]
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+    def _changed(self, motion: Motion) -> Motion:
+        motion = motion if self.trim is None else motion.cut(*self.trim)
+        motion = motion if self.speed == 1 else motion.at_speed(self.speed)
+        return motion.mirrored() if self.mirror else motion
 
 
 DraftMapFile = Annotated[

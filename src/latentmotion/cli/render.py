@@ -45,7 +45,7 @@ _INPUT = f"Motion files: {' '.join(formats.READABLE)}. Each motion in them is a 
 
 
 @dataclass(frozen=True)
-class Render(options.ReadingOptions):
+class Render(options.MotionOptions):
     """Draw motions as a video, a GIF, a picture strip or a page, with a figure of your choice.
 
     Examples:
@@ -100,7 +100,7 @@ class Render(options.ReadingOptions):
             if path.suffix.lower() not in _PAGES:
                 import_module("latentmotion.render.painter")  # no Pillow: told before all else
         figure = self._figure()
-        motions = [motion for path in self.files for motion in formats.load(path, self.stated())]
+        motions = [motion for path in self.files for motion in self.load(path)]
         for path in self.output:
             if path.suffix.lower() in _PICTURES:
                 from latentmotion.render import strip

@@ -79,7 +79,7 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Nearest(options.ReadingOptions):
+class Nearest(options.MotionOptions):
     """Report the clips of the training data that are nearest to a motion.
 
     Example: latentmotion nearest walk.bvh -n 5
@@ -101,7 +101,7 @@ class Nearest(options.ReadingOptions):
             ModelError: The scorer cannot be loaded.
         """
         scorer = Scorer.load(self.scorer)
-        motions = formats.load(self.motion, self.stated())
+        motions = self.load(self.motion)
         if self.data is not None:
             training = training_vectors(Dataset.load(self.data), scorer)
         else:

@@ -147,6 +147,69 @@ def generate_between(
     return _filled(generator, replace(start, joints=joints), gap, prompt, seed, sampling)
 
 
+def generate_joined(
+    generator: Generator,
+    motions: Sequence[Motion],
+    seconds: float,
+    prompt: str = ON_THE_WAY,
+    seed: int = 0,
+    steps: int | None = None,
+    guidance: float | None = None,
+) -> Motion:
+    """Generates what leads from each motion to the next, which is put where the one before leads.
+
+    Args:
+        generator: The model.
+        motions: Motions of the model's rate and skeleton, at least one.
+        seconds: Length of each transition; 0 joins by cuts.
+        prompt: What the person does in between.
+        seed: Seed of the noise.
+        steps: Sampling steps; by default the model's own.
+        guidance: Guidance scale; by default the model's own.
+
+    Raises:
+        InputError: There is no motion, or they are of another kind.
+        ModelError: The model has no `pullback.onnx`.
+    """
+    if not motions:
+        raise InputError("no motion to join, expected at least one")
+    whole, *others = motions
+    if seconds == 0:
+        return whole.joined(*others)
+    captions = [whole.caption]
+    for number, motion in enumerate(others):
+        follows = put_after(whole, motion, seconds)
+        options = prompt, seed + number, steps, guidance
+        whole = generate_between(generator, whole, follows, seconds, *options)
+        captions.append(motion.caption)
+    return replace(whole, caption=", then ".join(text for text in captions if text))
+
+
+def put_after(before: Motion, motion: Motion, seconds: float) -> Motion:
+    """Returns a motion where another one leads: facing its way, as far on as both go in the time.
+
+    Args:
+        before: What comes before.
+        motion: What follows.
+        seconds: Time between the two.
+    """
+    few = max(1, round(_PACE * before.fps))
+    flat = np.array([1.0, 0.0, 1.0])
+    last, first = before.joints[-few - 1 :].astype(np.float64), motion.joints[: few + 1]
+    angle = heading(last[-1], before.skeleton) - heading(first[0], motion.skeleton)
+    place = first[0, 0] * flat
+    turned = turn(motion.joints.astype(np.float64) - place, np.asarray(angle))
+    steps = [(part[-1, 0] - part[0, 0]) * flat for part in (last, turned[: few + 1])]
+    times = [max(len(part) - 1, 1) / before.fps for part in (last, first)]
+    pace = np.mean([step / time for step, time in zip(steps, times, strict=True)], axis=0)
+    joints = turned + last[-1, 0] * flat + seconds * pace
+    return motion.with_joints(joints.astype(np.float32), motion.caption)
+
+
+_PACE = 0.25
+"""Seconds over which the pace of an end is measured."""
+
+
 def gap_between(motion: Motion, between: tuple[float, float]) -> Gap:
     """Returns the frames between two times.
 

@@ -30,6 +30,8 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         ".smplx.npz": "latentmotion.formats.smpl_npz:write_smplx",
         ".smpl.npz": "latentmotion.formats.smpl_npz:write_smpl",
         ".csv": "latentmotion.formats.csv_joints:write",
+        ".contacts.csv": "latentmotion.formats.contact_events:write",
+        ".contacts.json": "latentmotion.formats.contact_events:write",
         ".bvh": "latentmotion.formats.takes:write_bvh_files",
         ".glb": "latentmotion.formats.gltf:write",
         ".gltf": "latentmotion.formats.gltf:write",

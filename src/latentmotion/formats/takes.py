@@ -33,7 +33,7 @@ from latentmotion.storage.reading import parse_json
 OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
 """Our own skeletons by the names of their joints."""
 
-_LAYOUTS = (".amass", ".smplx", ".smpl")
+_LAYOUTS = (".amass", ".smplx", ".smpl", ".contacts")
 """Parts of a name before the ending that belong to the ending."""
 
 

@@ -44,9 +44,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from latentmotion.arrays import cross, quantile, unit
+from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.rotations import (
     matrix_between,
     matrix_from_quaternion,
@@ -182,6 +183,9 @@ _STIFFNESS = 0.1
 _SWING_PRIOR, _TOE_PRIOR = 0.01, 0.05
 """Weights of rest pose and toes for the hinge, as sin² of the bend that weighs as much."""
 
+_APART = 0.01
+"""Meters: children of a joint that are nearer to each other lie at one point."""
+
 _PACE = 2.0
 """Radians per second that a limb may twist while its two bones stand still."""
 
@@ -300,11 +304,36 @@ class _Solver:
         spine = [self.skeleton.names[child].startswith("spine") for child in children]
         weights = np.where(spine, 0.2, 1.0)[:, None]
         bones = np.ascontiguousarray(self.bones[:, :, children])
+        alike, shown = self._at_one_point(joint, children)
         for _ in range(3):
             rest = weights * self.rest[:, children]
-            rotation = nearest_rotation(np.swapaxes(bones, -1, -2) @ rest)
+            products = np.swapaxes(bones, -1, -2) @ rest
+            if alike.any():
+                products[:, alike] = shown[:, alike]
+            rotation = nearest_rotation(products)
             self.rest[:, children] = unit((bones @ rotation).sum(axis=0))
         return rotation
+
+    def _at_one_point(
+        self, joint: int, children: list[int]
+    ) -> tuple[Bool[np.ndarray, " motions"], Float[np.ndarray, "frames motions 3 3"]]:
+        """Returns in which motions a joint's children lie at one point, and what shows its turn.
+
+        Necks and collars of some skeletons do, and so say nothing of how the chest is turned about
+        them; shoulders and hips do.
+        """
+        places = self.joints[:, :, children]
+        apart = np.linalg.norm(places - places[:, :, :1], axis=-1).max(axis=-1)
+        alike = quantile(apart, 0.5) < _APART
+        ends = [self.children[child][0] for child in children if self.children[child]]
+        sides = [j for j in ends if self.skeleton.names[j].partition("_")[0] in SIDES]
+        if not alike.any() or not sides:
+            return alike & False, np.zeros((1, 1, 3, 3))
+        hips = [j for j, name in enumerate(self.skeleton.names) if name.endswith("_hip")]
+        up = self.joints[:, :, [joint]] - self.joints[:, :, hips].mean(axis=2, keepdims=True)
+        across = self.joints[:, :, sides] - self.joints[:, :, sides].mean(axis=2, keepdims=True)
+        seen, rest = unit(np.concatenate([across, up], axis=2)), [*self.rest[0, sides], (0, 1, 0)]
+        return alike, np.swapaxes(seen, -1, -2) @ np.array(rest)
 
     def _levels(self) -> list[list[int]]:
         """Returns the joints that are no branches, parents first; all limbs turn together."""

@@ -66,6 +66,10 @@ class Recorded:
         """Returns it at another frame rate."""
         return replace(self, animation=self.animation.resampled(fps))
 
+    def at_rate(self, fps: float) -> Recorded:
+        """Returns the same frames, faster or slower."""
+        return replace(self, animation=replace(self.animation, fps=fps))
+
     def turning(self, solved: Animation) -> Animation:
         """Returns rotations of HumanML3D's joints that turn heads, hands and forearms as these do.
 

@@ -1,0 +1,53 @@
+"""Contact events, when feet come down and leave the floor: `.contacts.csv` and `.contacts.json`.
+
+csv   time,event          0.35,left_foot_down      a row for each event, seconds
+json  {"fps": 20, "seconds": 4.0, "events": [{"time": 0.35, "event": "left_foot_down"}, …]}
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
+from latentmotion.formats.takes import numbered
+from latentmotion.motion import Motion
+from latentmotion.storage.files import atomic_file
+
+
+def contact_events(motion: Motion) -> list[dict[str, Any]]:
+    """Returns when feet come down and leave the floor: `time` in seconds, and `event`."""
+    standing = foot_contacts(motion.joints.astype(np.float64), motion.fps, motion.skeleton)
+    half = len(motion.skeleton.left_foot)
+    events: list[dict[str, Any]] = []
+    for side, feet in (("left", standing[:, :half]), ("right", standing[:, half:])):
+        for interval in contact_intervals(feet.any(axis=1)):
+            for frame, kind in zip(interval, ("down", "up"), strict=True):
+                if 0 < frame < len(motion):
+                    time = round(frame / motion.fps, 4)
+                    events.append({"time": time, "event": f"{side}_foot_{kind}"})
+    return sorted(events, key=lambda event: event["time"])
+
+
+def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
+    """Writes the events of each motion: `a.contacts.csv`, or `a-1.contacts.csv` and so on.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    paths = numbered(Path(path), len(motions))
+    for target, motion in zip(paths, motions, strict=True):
+        events = contact_events(motion)
+        if target.suffix.lower() == ".csv":
+            rows = [f"{one['time']:g},{one['event']}" for one in events]
+            text = "\n".join(["time,event", *rows])
+        else:
+            whole = {"fps": motion.fps, "seconds": motion.seconds, "events": events}
+            text = json.dumps(whole, indent=1)
+        with atomic_file(target) as temporary:
+            temporary.write_text(text + "\n", encoding="utf-8")
+    return paths
