@@ -47,8 +47,8 @@ _FPS = 30.0
 _SHORTEST = 0.1
 """Share of the longest person's frames below which somebody is left out: glimpses, mistakes."""
 
-_CAMERA = "camera.npy"
-"""TRAM's file of the camera, in the folder above its persons'."""
+_PERSONS, _CAMERA = "hps", "camera.npy"
+"""TRAM's folder of persons, and its file of the camera beside that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,8 +219,9 @@ def _in_world(
     path: Path,
 ) -> tuple[Float[np.ndarray, "frames joints 3 3"], Float[np.ndarray, "frames 3"] | None]:
     """Returns TRAM's poses in the world, if the file of its camera is at its place."""
-    file = path.absolute().parent.parent / _CAMERA
-    if not file.is_file():
+    folder = path.absolute().parent
+    file = folder.parent / _CAMERA
+    if folder.name != _PERSONS or not file.is_file():
         return rotations, None
     camera = _plain(tensor_pickles.load(file))
     turn = np.asarray(camera["world_cam_R"], np.float64)[frames]

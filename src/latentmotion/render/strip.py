@@ -88,7 +88,7 @@ def _row(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
     camera = camera_around(target, half_front(motion), np.radians(9), 40, pixels, height)
     aside = (bodies.vertices - bodies.joints[:, :1] * (1, 0, 1)) @ camera.axes()[0]
     half = width / len(frames) / 2  # the first and the last have room for all of their reach
-    start, end = max(half, 0.05 - aside[0].min()), max(half, 0.05 + aside[-1].max())
+    start, end = max(half, 0.12 - aside[0].min()), max(half, 0.12 + aside[-1].max())
     positions = np.linspace(start - width / 2, width / 2 - end, len(frames))
     steps = positions[:, None] * camera.axes()[0] - bodies.joints[:, 0] * (1, 0, 1)
     moved = [bodies.moved(number, step) for number, step in enumerate(steps)]
