@@ -55,12 +55,12 @@ def test_hinges_turn_about_their_axis_only():
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_a_chest_whose_neck_and_collars_lie_at_one_point_turns_with_the_shoulders(share):
     turn = matrix_from_axis_angle(np.linspace(0, 2, 24)[:, None] * np.array([0.0, 1.0, 0.0]))
-    joints = walker().joints() @ np.swapaxes(turn, -1, -2)
+    joints = walker(24).joints() @ np.swapaxes(turn, -1, -2)
     chest, neck = (joints[:, NAMES.index(name)] for name in ("spine3", "neck"))
     for name in ("neck", "left_collar", "right_collar"):  # on the chest, or all at the neck
         joints[:, NAMES.index(name)] = chest + share * (neck - chest)
     found = solve(joints, 20.0)
-    np.testing.assert_allclose(found.joints(), joints, atol=0.002)
+    np.testing.assert_allclose(found.joints(), joints, atol=0.01)
     assert largest_turn(found.rotations) < 30
     steps = found.resampled(40.0).joints()
     assert np.abs(np.diff(steps, 2, axis=0)).max() < 2 * np.abs(np.diff(joints, 2, axis=0)).max()

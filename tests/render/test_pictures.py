@@ -74,9 +74,8 @@ def test_arms_at_the_ends_of_a_strip_are_in_it(tmp_path: Path):
     figure = Motion(np.repeat(walker(1).skeleton.rest_joints()[None], 9, axis=0).astype("f4"))
     strip.write(tmp_path / "a.png", [figure])
     with Image.open(tmp_path / "a.png") as picture:
-        bright = np.asarray(picture.convert("L")).astype(int)[60:150]
-    seen = np.abs(bright - np.median(bright, axis=1, keepdims=True)).max(axis=0) > 60
-    assert seen[:200].any() and not seen[:12].any() and not seen[-12:].any()
+        seen = (np.asarray(picture.convert("L"))[60:150] < 190).any(axis=0)
+    assert seen[:200].any() and not seen[:4].any() and not seen[-4:].any()
 
 
 def test_a_font_that_has_the_letters_is_taken():

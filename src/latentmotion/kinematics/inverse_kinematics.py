@@ -328,7 +328,7 @@ class _Solver:
         ends = [self.children[child][0] for child in children if self.children[child]]
         sides = [j for j in ends if self.skeleton.names[j].partition("_")[0] in SIDES]
         if not alike.any() or not sides:
-            return alike & False, np.zeros((1, 1, 3, 3))
+            return alike & False, np.zeros((*self.joints.shape[:2], 3, 3))
         hips = [j for j, name in enumerate(self.skeleton.names) if name.endswith("_hip")]
         up = self.joints[:, :, [joint]] - self.joints[:, :, hips].mean(axis=2, keepdims=True)
         across = self.joints[:, :, sides] - self.joints[:, :, sides].mean(axis=2, keepdims=True)
