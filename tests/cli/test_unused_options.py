@@ -44,6 +44,7 @@ UNUSED = {
     "render a.npz -o a.html --size 300": "no .mp4 or .gif or .png is written, so --size has no",
     "render a.npz -o a.gif --style path": "no .png is written, so --style has no effect",
     "render a.npz -o a.png a.html --camera still": "no .mp4 or .gif is written, so --camera has",
+    "join a.npz a.npz --seconds 0 --steps 4": "joins by cuts, so --steps has no effect",
     "fit space.npz --focal 900": "space.npz has points in 3D, so --focal has no effect",
     "fit picture.npz --up z --unit cm": "has points in a picture, so --unit and --up have no",
     "convert evaluator gru.tar -o out --glove data": "an action classifier, so --glove has no",

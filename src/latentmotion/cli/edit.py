@@ -156,6 +156,9 @@ class Join(_Filling):
         """
         if not self.files:
             raise InputError("no motion file given; try: latentmotion join a.bvh b.bvh -o ab.bvh")
+        if self.seconds == 0:
+            unused = ("prompt", "seed", "steps", "guidance")
+            options.refuse_unused(self, "--seconds 0 joins by cuts", *unused)
         generate = self._pipeline()
         parts = [part for path in self.files for part in self._load(path, generate)]
         seconds, choice = self.seconds, (self.seed, self.steps, self.guidance)
