@@ -21,6 +21,8 @@ from latentmotion.storage.files import atomic_file
 
 def contact_events(motion: Motion) -> list[dict[str, Any]]:
     """Returns when feet come down and leave the floor: `time` in seconds, and `event`."""
+    if not (motion.skeleton.left_foot or motion.skeleton.right_foot):
+        return []
     standing = foot_contacts(motion.joints.astype(np.float64), motion.fps, motion.skeleton)
     half = len(motion.skeleton.left_foot)
     events: list[dict[str, Any]] = []
