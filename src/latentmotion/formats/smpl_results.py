@@ -141,14 +141,14 @@ def _by_frame(frames: Sequence[Any]) -> Iterator[Mapping[str, Any]]:
             continue
         if "smpl_thetas" in frame:
             numbers = np.asarray(frame.get("track_ids", [0])).reshape(-1).tolist()
-            seen = [{"smpl_thetas": pose} for pose in frame["smpl_thetas"][: len(numbers)]]
+            poses = [{"smpl_thetas": pose} for pose in frame["smpl_thetas"][: len(numbers)]]
         else:
             ids, smpl = frame["tid"], frame["smpl"]
-            known = [
+            pairs = [
                 (n, one) for n, one in zip(ids, smpl, strict=False) if isinstance(one, Mapping)
             ]
-            numbers, seen = [int(n) for n, _ in known], [one for _, one in known]
-        for person, values in zip(numbers, seen, strict=True):
+            numbers, poses = [int(n) for n, _ in pairs], [one for _, one in pairs]
+        for person, values in zip(numbers, poses, strict=True):
             rows = persons.setdefault(person, {"frame_id": []})
             rows["frame_id"].append(number)
             for key in ("smpl_thetas", "global_orient", "body_pose"):

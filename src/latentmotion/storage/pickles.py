@@ -255,28 +255,30 @@ def load(path: str | Path) -> Any:
             is named; nothing of it was run.
     """
 
-    def loaded(content: bytes) -> Any:
+    content = read_bytes(path)
+
+    def loaded() -> Any:
         check_program(content)
         return RestrictedUnpickler(
             io.BytesIO(content), lambda *name: ALLOWED[name], "latin1"
         ).load()
 
-    return plain_values(path, read_bytes(path), loaded)
+    return plain_values(path, len(content), loaded)
 
 
-def plain_values(path: str | Path, content: bytes, loaded: Callable[[bytes], Any]) -> Any:
+def plain_values(path: str | Path, size: int, loaded: Callable[[], Any]) -> Any:
     """Returns what a restricted reader makes of a file, stand-ins replaced by their values.
 
     Args:
         path: The file, for errors.
-        content: What is in it, which bounds what it may hold.
+        size: Bytes of the file, unpacked, which bound what it may hold.
         loaded: The reader.
 
     Raises:
         FileFormatError: The reader failed, for any reason.
     """
     try:
-        return _Plain(len(content)).value(loaded(content))
+        return _Plain(size).value(loaded())
     except FileFormatError:
         raise
     except ForbiddenName as error:

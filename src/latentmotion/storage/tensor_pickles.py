@@ -16,6 +16,7 @@ import math
 import pickle
 import zlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 from zipfile import ZipFile, is_zipfile
@@ -68,8 +69,8 @@ def load(path: str | Path) -> Any:
     if content[:1] == b"\x78":  # zlib's first byte; no pickle begins with it
         content = _unpacked(path, content)
     if content.startswith(b"\x93NUMPY"):
-        return plain_values(path, content, lambda raw: _objects(raw))
-    return plain_values(path, content, lambda raw: _Unpickler(io.BytesIO(raw)).load())
+        return plain_values(path, len(content), lambda: _objects(content))
+    return plain_values(path, len(content), _Unpickler(io.BytesIO(content)).load)
 
 
 def _unpacked(path: str | Path, content: bytes) -> bytes:
@@ -95,16 +96,17 @@ def _zipped(path: str | Path) -> Any:
     program = next((name for name in members if name.endswith("/data.pkl")), None)
     if program is None:
         arrays = {name.removesuffix(".npy"): raw for name, raw in members.items()}
-        return {name: plain_values(path, raw, _objects) for name, raw in arrays.items()}
+        return {
+            name: plain_values(path, len(raw), partial(_objects, raw))
+            for name, raw in arrays.items()
+        }
     folder = program.removesuffix("data.pkl")
 
     def stored(key: str) -> bytes:
         return members[f"{folder}data/{key}"]
 
-    whole = b"".join(members.values())
-    return plain_values(
-        path, whole, lambda _: _Unpickler(io.BytesIO(members[program]), stored).load()
-    )
+    size = sum(map(len, members.values()))
+    return plain_values(path, size, _Unpickler(io.BytesIO(members[program]), stored).load)
 
 
 def _objects(raw: bytes) -> Any:
@@ -226,10 +228,10 @@ class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]
         Raises:
             ForbiddenName: It is not allowed.
         """
-        found = _NAMES.get((PYTHON_2.get(module, module), name))
-        if found is None:
+        stand_in = _NAMES.get((PYTHON_2.get(module, module), name))
+        if stand_in is None:
             raise ForbiddenName(f"{module}.{name}")
-        return found
+        return stand_in
 
     def persistent_load(self, pid: Any) -> Any:
         """Returns a storage of PyTorch.
