@@ -254,7 +254,6 @@ def load(path: str | Path) -> Any:
         FileFormatError: The file is missing, damaged, no pickle, or holds anything else, which
             is named; nothing of it was run.
     """
-
     content = read_bytes(path)
 
     def loaded() -> Any:
