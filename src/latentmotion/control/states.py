@@ -13,20 +13,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import unit
-from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
-from latentmotion.cleanup.loops import is_loop, turn_of, unrolled
+from latentmotion.cleanup.loops import turn_of, unrolled
 from latentmotion.cleanup.pipeline import USUAL, clean
 from latentmotion.control.direct import at_goals, sliding_in_contact
 from latentmotion.control.generator import Generator
 from latentmotion.control.goals import FASTEST, Goal, Pose
 from latentmotion.control.stream import generate_loop
 from latentmotion.errors import InputError, hint
+from latentmotion.formats.contact_events import contact_events
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
@@ -177,27 +177,6 @@ def generate_states(
         kept = {key: it for key, it in clip.metadata.items() if key not in ("goals", "best_of")}
         clips.append(replace(clip, caption=state.prompt, metadata={**kept, **about}))
     return clips
-
-
-def contact_events(motion: Motion) -> list[dict[str, Any]]:
-    """Returns when feet come down and leave the floor: `time` in seconds, and `event`.
-
-    Args:
-        motion: A motion; a loop's feet go on beyond its ends.
-    """
-    count = len(motion) - 1 if is_loop(motion) else len(motion)
-    whole = unrolled(motion, 1, 1) if is_loop(motion) else motion
-    first = count if is_loop(motion) else 0
-    standing = foot_contacts(whole.joints.astype(np.float64), whole.fps, whole.skeleton)
-    half = len(whole.skeleton.left_foot)
-    events: list[dict[str, Any]] = []
-    for side, feet in (("left", standing[:, :half]), ("right", standing[:, half:])):
-        for start, end in contact_intervals(np.asarray(feet.any(axis=1))):
-            for frame, kind in ((start, "down"), (end, "up")):
-                if first <= frame < first + count and frame > 0:
-                    time = round((frame - first) / motion.fps, 4)
-                    events.append({"time": time, "event": f"{side}_foot_{kind}"})
-    return sorted(events, key=lambda event: event["time"])
 
 
 def _still_loop(generator: Generator, state: State, seed: int, takes: int) -> Motion | None:

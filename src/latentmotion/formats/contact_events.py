@@ -14,23 +14,31 @@ from typing import Any
 import numpy as np
 
 from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
+from latentmotion.cleanup.loops import is_loop, unrolled
 from latentmotion.formats.takes import numbered
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_file
 
 
 def contact_events(motion: Motion) -> list[dict[str, Any]]:
-    """Returns when feet come down and leave the floor: `time` in seconds, and `event`."""
+    """Returns when feet come down and leave the floor: `time` in seconds, and `event`.
+
+    Args:
+        motion: A motion; a loop's feet go on beyond its ends.
+    """
     if not (motion.skeleton.left_foot or motion.skeleton.right_foot):
         return []
-    standing = foot_contacts(motion.joints.astype(np.float64), motion.fps, motion.skeleton)
-    half = len(motion.skeleton.left_foot)
+    count = len(motion) - 1 if is_loop(motion) else len(motion)
+    whole = unrolled(motion, 1, 1) if is_loop(motion) else motion
+    first = count if is_loop(motion) else 0
+    standing = foot_contacts(whole.joints.astype(np.float64), whole.fps, whole.skeleton)
+    half = len(whole.skeleton.left_foot)
     events: list[dict[str, Any]] = []
     for side, feet in (("left", standing[:, :half]), ("right", standing[:, half:])):
-        for interval in contact_intervals(feet.any(axis=1)):
-            for frame, kind in zip(interval, ("down", "up"), strict=True):
-                if 0 < frame < len(motion):
-                    time = round(frame / motion.fps, 4)
+        for start, end in contact_intervals(np.asarray(feet.any(axis=1))):
+            for frame, kind in ((start, "down"), (end, "up")):
+                if first <= frame < first + count and frame > 0:
+                    time = round((frame - first) / motion.fps, 4)
                     events.append({"time": time, "event": f"{side}_foot_{kind}"})
     return sorted(events, key=lambda event: event["time"])
 
