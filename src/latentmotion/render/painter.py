@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -425,8 +425,13 @@ def font_for(text: str, size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFo
 
 def _lacking(font: ImageFont.FreeTypeFont | ImageFont.ImageFont, text: str) -> int:
     """Returns how many letters of a text a font draws as it draws what no font has."""
-    blank = bytes(font.getmask("\U0010ffff"))
-    return sum(bytes(font.getmask(letter)) == blank for letter in set(text) if not letter.isspace())
+
+    def drawn(letter: str) -> bytes:
+        mask: Any = font.getmask(letter)
+        return bytes(mask)
+
+    blank = drawn("\U0010ffff")
+    return sum(drawn(letter) == blank for letter in set(text) if not letter.isspace())
 
 
 def faded(color: tuple[int, int, int], strength: float) -> tuple[int, int, int]:

@@ -208,7 +208,10 @@ _NAMES: dict[tuple[str, str], Any] = {
 """Names that a file may use, and what it gets for each."""
 
 
-class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]
+_InPython: Any = pickle._Unpickler  # type: ignore[attr-defined]
+
+
+class _Unpickler(_InPython):
     """Reads a pickle whose arrays may lie outside of it or between its instructions.
 
     Args:
@@ -216,7 +219,7 @@ class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]
         stored: Key of a storage of PyTorch → its bytes; by default there are none.
     """
 
-    dispatch: ClassVar[dict[int, Any]] = dict(pickle._Unpickler.dispatch)  # type: ignore[attr-defined]
+    dispatch: ClassVar[dict[int, Any]] = dict(_InPython.dispatch)
 
     def __init__(self, file: io.BytesIO, stored: Callable[[str], bytes] | None = None) -> None:
         super().__init__(file, encoding="latin1")
