@@ -3,7 +3,8 @@
     python -m benchmarks.quality.strips 8 quality --data DATA --budget small --rows z0 fast -o OUT
 
 The words after the number of prompts are those of `latentmotion experiment run`. The picture,
-OUT/TABLE_strips.svg, has a line of cells for each prompt, a column for each row. A cell shows stick
+OUT/TABLE_strips.svg, has a line of cells for each prompt, a column for each row; of an action label
+there are three lines. A cell shows stick
 figures evenly in time, seen half from the front, without root motion; the left side is orange, the
 right blue.
 """
@@ -35,6 +36,9 @@ REAL = "Real"
 FIGURES = 7
 """Figures of a cell."""
 
+TAKES = 3
+"""Motions of each action label."""
+
 _WIDTH, _HEIGHT, _METER, _BAND = 300, 96, 36, 20
 """Width and height of a cell, a meter, and the line of a caption, in units of the picture."""
 
@@ -47,7 +51,7 @@ _STYLE = (
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("count", type=int, help="prompts of the test split")
+    parser.add_argument("count", type=int, help="prompts, or action labels, of the test split")
     options, words = parser.parse_known_args()
     command = parsed(RunExperiment, "experiment run", words)
     with command.opened() as runner:
@@ -71,8 +75,12 @@ def draw_strips(runner: TableRunner, rows: Sequence[Row], count: int) -> Path:
     candidates = [Generated(runner.pipeline(row), row=row.name) for row in rows]
     test_set = build_test_set(candidates, runner.work.dataset, None, runner.protocol)
     first = test_set.replication(0)
-    captions = [prompt.caption.text if prompt.caption else "" for prompt in first.prompts]
+    task = candidates[0].card.condition
+    captions = [prompt.text(task) for prompt in first.prompts]
     numbers = spread(captions, count)
+    if task.name == "action":  # three of a label, as in the paper's figure
+        same = [[n for n, text in enumerate(captions) if text == captions[k]] for k in numbers]
+        numbers = [places[take % len(places)] for places in same for take in range(TAKES)]
     prompts = [first.prompts[number] for number in numbers]
     data = runner.work.dataset.representation
     columns = {REAL: [data.decode(first.features[number]) for number in numbers]}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.quality.strips import draw_strips
 from benchmarks.training.curves import (
     CurveRunner,
     Curves,
@@ -211,6 +212,9 @@ def test_actions_and_their_latents(dataset: Dataset, tmp_path: Path) -> None:
         evaluator = Guesses(tuple(dataset.actions()))
         TableRunner(TABLES[name], work, once, evaluator).run(rows_named(TABLES[name], rows))
     assert "Accuracy" in (tmp_path / "action.md").read_text(encoding="utf-8")
+    runner = TableRunner(TABLES["action"], work, once, Guesses(tuple(dataset.actions())))
+    drawn = draw_strips(runner, rows_named(runner.table, ["mld"]), 2).read_text(encoding="utf-8")
+    assert sorted(drawn.count(f">{label}<") for label in dataset.actions()) == [0, 3, 3]
     assert (tmp_path / "latents.svg").stat().st_size > 5000
 
 
