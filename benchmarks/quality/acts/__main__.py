@@ -1,11 +1,13 @@
 """Draws acts for a judge and counts the verdicts.
 
     python -m benchmarks.quality.acts draw fast OUT --per-stratum 20
+    python -m benchmarks.quality.acts draw recordings OUT --per-stratum 20
     python -m benchmarks.quality.acts reveal OUT.key.tsv NAMES.tsv VERDICTS.tsv
     python -m benchmarks.quality.acts table VERDICTS.tsv
 
 1. `draw` makes motions by the command's default path and writes sheets without prompts into OUT,
-   in random order, and what was asked into OUT.key.tsv.
+   in random order, and what was asked into OUT.key.tsv. Instead of a model's motions, recordings
+   of the acts: what a judge can recognize at best.
 2. A judge who has seen neither prompts nor key names each motion: NAMES.tsv, with the columns
    number and named.
 3. `reveal` puts both together. The judge compares the name with the prompt and fills the column
@@ -20,7 +22,9 @@
 
 from __future__ import annotations
 
+import re
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -35,7 +39,11 @@ from benchmarks.quality.acts.sheets import write_sheets
 from benchmarks.quality.acts.table import Judged
 from benchmarks.quality.default_path import default_motion
 from benchmarks.quality.own_clip.__main__ import lines_of
-from latentmotion import MotionPipeline
+from latentmotion import Motion, MotionPipeline
+from latentmotion.data.dataset import Dataset, items_of
+
+RECORDINGS = "recordings"
+"""In place of a model's name: training clips."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +51,11 @@ class Draw:
     """Make motions, sheets and the key."""
 
     model: Positional[str]
-    """Name or folder of a model."""
+    """Name or folder of a model, or `recordings`."""
     out: Positional[Path]
     """Folder for the sheets; the key is OUT.key.tsv beside it."""
+    data: Path = Path("data/starter.pack")
+    """Prepared folder or pack with the recordings."""
     per_stratum: int | None = None
     """Acts drawn at random of each stratum; by default all."""
     prompts: int = 1
@@ -73,19 +83,44 @@ class Draw:
                 asked += [(inside[row], p, s) for p in prompts for s in self.seeds]
         # A warning would name words of the prompts to a judge who looks on.
         warnings.simplefilter("ignore")
-        pipeline = MotionPipeline.from_pretrained(self.model)
-        settings: dict[str, Any] = {}
-        if self.from_clips is not None:
-            settings["from_clips"] = self.from_clips
+        make = self._recorded() if self.model == RECORDINGS else self._generated()
         asked = [asked[row] for row in generator.permutation(len(asked))]
         motions, key = [], []
         for number, (act, prompt, seed) in enumerate(asked):
-            motion = default_motion(pipeline, prompt, seed, self.best_of, **settings)
+            motion = make(act, prompt, seed)
             motions.append(motion)
             key.append(Judged(number, act.name, act.clips, prompt, seed, round(motion.seconds, 1)))
         write_sheets(motions, range(len(motions)), self.out)
         table.write_judged(key, self.out.with_name(f"{self.out.name}.key.tsv"))
         print(f"{len(motions)} motions of {len({a.name for a, _, _ in asked})} acts in {self.out}")
+
+    def _generated(self) -> Callable[[table.Act, str, int], Motion]:
+        """Returns what makes a motion of a prompt."""
+        pipeline = MotionPipeline.from_pretrained(self.model)
+        settings: dict[str, Any] = {}
+        if self.from_clips is not None:
+            settings["from_clips"] = self.from_clips
+        return lambda _, prompt, seed: default_motion(
+            pipeline, prompt, seed, self.best_of, **settings
+        )
+
+    def _recorded(self) -> Callable[[table.Act, str, int], Motion]:
+        """Returns what draws a training clip of an act; of several the seed takes turns."""
+        dataset = Dataset.load(self.data)
+        space = dataset.representation
+        items = items_of(dataset.clips("train"))
+        texts = [" | ".join(item.captions).lower() for item in items]
+
+        def make(act: table.Act, prompt: str, seed: int) -> Motion:
+            of_act = [
+                i for i, text in zip(items, texts, strict=True) if re.search(act.captions, text)
+            ]
+            item = of_act[np.random.default_rng(seed).integers(len(of_act))]
+            features = dataset.features(item.clip)[item.start : item.start + item.frames]
+            joints = space.decode(features).astype(np.float32)
+            return Motion(joints, space.fps, space.skeleton, prompt)
+
+        return make
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from latentmotion.pipeline import MotionPipeline
 from latentmotion.retrieval.index import ClipIndex, index_file, joined
 from latentmotion.retrieval.teach import ShownClip, build_index, shown_clips
 from latentmotion.retrieval.thinning import thinned
-from latentmotion.retrieval.wordings import along_main_directions, read_wordings, with_wordings
+from latentmotion.retrieval.wordings import along_discriminants, read_wordings, with_wordings
 from latentmotion.storage.files import check_writable
 
 _MOTION = f"Motion file: {' '.join(formats.READABLE)}."
@@ -46,7 +46,7 @@ class Teach:
     output: Annotated[Path, arg(aliases=["-o"])] = Path("my_moves")
     """Folder of moves; one that is there gets further clips."""
     compact: bool = False
-    """Keep sentences in a quarter of the bytes, as clips that ship with a model do; two such sets
+    """Keep sentences in a sixth of the bytes, as clips that ship with a model do; two such sets
     cannot be used together."""
     between: tuple[float, float] | None = None
     """The part of the clip that shows it, seconds; by default all of it."""
@@ -106,7 +106,7 @@ class Teach:
         index = thinned(index)
         if self.wordings:
             index = with_wordings(index, read_wordings(self.wordings), condition.encoder)
-        return along_main_directions(index) if self.compact else index
+        return along_discriminants(index) if self.compact else index
 
     def _clip_of(self, pipeline: MotionPipeline, number: int, motion: formats.Motion) -> ShownClip:
         space = pipeline.representation

@@ -4,8 +4,8 @@
 
 Captions say what a body does ("a person shoots a bow and arrow"), prompts name activities and
 purposes ("archery"); a text encoder of sentences puts the two about as far apart as two movements.
-A wording is kept by its embedding alone, in 4 bits; in the index that ships along the main
-directions P of all of them.
+A wording is kept by its embedding alone, in 4 bits; in the index that ships along directions P in
+which captions differ, but not a caption and its wordings (linear discriminants).
 """
 
 from __future__ import annotations
@@ -28,8 +28,13 @@ from latentmotion.language.words import tokens_of, words_of
 from latentmotion.retrieval.index import EMBEDDING_LEVELS, LEAST_COSINE, ClipIndex, quantized
 from latentmotion.storage.reading import read_text, unpack_xz
 
-COMPONENTS = 128
-"""Directions that are kept of 384."""
+COMPONENTS = 64
+"""Directions that are kept of 384. Of 1,195 phrases whose captions no direction was computed from,
+21 % find the caption among all keys along 64, 20 % along 128, 17 % in the embedding itself."""
+
+RIDGE = 0.1
+"""Share of the mean scatter that is added to that within captions; between 0.03 and 0.3 the figures
+above do not change."""
 
 SAME = 0.85
 """Cosine from which a caption of the index says the same as one that it was thinned from."""
@@ -117,14 +122,27 @@ def with_wordings(
     )
 
 
-def along_main_directions(index: ClipIndex, components: int = COMPONENTS) -> ClipIndex:
-    """Returns an index that keeps embeddings along the main directions of all of them.
+def along_discriminants(index: ClipIndex, components: int = COMPONENTS) -> ClipIndex:
+    """Returns an index that keeps embeddings along its linear discriminants (Fisher 1936).
 
-    A third of them find acts as often as all, in a quarter of the bytes. Such an index joins with
-    those of all directions only.
+    They maximize the scatter between captions over that of a caption's wordings, so two ways to say
+    the same are nearer than in the embedding. Without wordings they are the principal components.
+    Such an index joins with those of all directions only.
     """
-    vectors = unit(index.embeddings.astype(np.float32))
-    return index.along(np.linalg.svd(vectors.T @ vectors)[0][:, :components])
+    vectors = unit(index.embeddings.astype(np.float64))
+    captions = len(index.captions)
+    caption_of = np.concatenate([np.arange(captions), index.wordings])
+    counts = np.bincount(caption_of, minlength=captions)
+    means = np.zeros((captions, vectors.shape[1]))
+    np.add.at(means, caption_of, vectors)
+    means /= counts[:, None]
+    off = (vectors - means[caption_of]) / np.sqrt(counts[caption_of])[:, None]
+    within, between = off.T @ off, np.cov(means.T, bias=True)
+    width = len(within)
+    within = within / max(float(np.trace(within)), 1e-9) + RIDGE / width * np.eye(width)
+    whitening = np.linalg.inv(np.linalg.cholesky(within))
+    _, along = np.linalg.eigh(whitening @ between @ whitening.T)
+    return index.along((whitening.T @ along[:, ::-1][:, :components]).astype(np.float32))
 
 
 def read_wordings(files: Sequence[Path]) -> dict[str, list[str]]:
