@@ -129,8 +129,8 @@ class ClipStarts:
         """
         parts = [self._choice(part) for part in parts_of(reading.prompt)]
         whole = self._choice(reading.prompt) if len(parts) > 1 else parts[0]
-        # A caption that tells of all movements in a row is nearer than captions of each; one that is
-        # also the nearest to a single movement tells of that alone.
+        # A caption that tells of all movements in a row is nearer than captions of each; one that
+        # is also the nearest to a single movement tells of that alone.
         told = {part.neighbors[0].caption.text for part in parts}
         alone = len(told) > 1 and whole.neighbors[0].caption.text in told
         if whole.cosine >= min(part.cosine for part in parts) and not alone:
