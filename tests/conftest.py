@@ -42,7 +42,10 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     for reason, count in reasons.most_common():
         terminalreporter.write_line(f"skipped {count}: {reason}")
     if collect_ignore:
-        terminalreporter.write_line(f"left out tests/clients: set {' and '.join(sorted(CLIENTS))}")
+        terminalreporter.write_line(
+            f"left out tests/clients: pip install bpy, npm install what its conftest.py names, and "
+            f"set {' and '.join(sorted(CLIENTS))}"
+        )
 
 
 # Imported after the hook above, so that what they import is checked too.

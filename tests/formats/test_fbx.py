@@ -21,6 +21,10 @@ from latentmotion.retarget.transfer import check_output, write
 from tests.support.walker import walker
 
 REAL = os.environ.get(fbx.VARIABLE)
+NEEDS_BLENDER = pytest.mark.skipif(
+    not REAL,
+    reason="needs Blender (blender.org): set LATENTMOTION_BLENDER to its program",
+)
 
 WRITES = """
 source, target, fps = sys.argv[sys.argv.index("--") + 1 :]
@@ -181,7 +185,7 @@ def test_folders_with_fbx_need_blender_at_once(reading: Path, tmp_path: Path, mo
         next(OwnMotions(reading, Source("own", "mine", "me")).recordings())
 
 
-@pytest.mark.skipif(not REAL, reason="needs Blender: set LATENTMOTION_BLENDER to its program")
+@NEEDS_BLENDER
 def test_blender_reads_what_it_wrote(motion: Motion, tmp_path: Path):
     motion.save(tmp_path / "a.fbx", fps=30)
     (back,) = formats.load(tmp_path / "a.fbx")
@@ -190,7 +194,7 @@ def test_blender_reads_what_it_wrote(motion: Motion, tmp_path: Path):
     np.testing.assert_allclose(back.joints, meant.joints, atol=1e-4)
 
 
-@pytest.mark.skipif(not REAL, reason="needs Blender: set LATENTMOTION_BLENDER to its program")
+@NEEDS_BLENDER
 def test_blender_writes_fbx(motion: Motion, tmp_path: Path):
     motion.save(tmp_path / "a.fbx")
     content = (tmp_path / "a.fbx").read_bytes()

@@ -8,7 +8,9 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 import httpx
 import pytest
@@ -42,6 +44,39 @@ def test_the_command_prints_a_page_that_its_token_opens(tmp_path: Path) -> None:
             process.kill()
     folder = tmp_path / "latentmotion" / "library"
     assert sys.platform != "linux" or (folder / "library.sqlite3").is_file()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell script stands for the browser")
+def test_no_list_of_processes_has_the_token(tmp_path: Path) -> None:
+    """A browser of ours keeps the words that start it, and what the file in them holds."""
+    browser, words = tmp_path / "browser", tmp_path / "words"
+    browser.write_text(
+        f"#!{sys.executable}\nimport pathlib, sys, urllib.request\n"
+        "page = urllib.request.urlopen(sys.argv[1]).read().decode()\n"
+        f"pathlib.Path({str(words)!r}).write_text(sys.argv[1] + chr(10) + page)\n"
+    )
+    browser.chmod(0o700)
+    command = [sys.executable, "-m", "latentmotion", "studio", "--port", "0"]
+    environment = os.environ | {
+        "BROWSER": str(browser),
+        "PYTHONPATH": os.pathsep.join(sys.path),
+        "XDG_DATA_HOME": str(tmp_path),
+    }
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().strip()
+            while not (words.is_file() and words.read_text().count("\n") > 2):
+                time.sleep(0.05)
+            place, _, page = words.read_text().partition("\n")
+            assert place.startswith("file://") and address.partition("=")[2] not in place
+            assert f'content="0; url={address}"' in page
+            file = Path(unquote(urlsplit(place).path))
+            assert file.stat().st_mode & 0o777 == 0o600
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(60) in (0, -signal.SIGTERM)
+        finally:
+            process.kill()
 
 
 def test_a_second_studio_on_the_same_port_says_so(

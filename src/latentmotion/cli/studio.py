@@ -66,7 +66,7 @@ class Studio:
             from latentmotion.service.server import address, bound, serve
             from latentmotion.studio.app import create_studio
             from latentmotion.studio.library import Library, default_folder
-            from latentmotion.studio.session import kept_token
+            from latentmotion.studio.session import kept_token, redirecting_page
         except ModuleNotFoundError as error:
             if error.name is None or error.name.startswith("latentmotion"):
                 raise
@@ -76,9 +76,11 @@ class Studio:
             token = kept_token(library.folder)
             settings = replace(settings, tokens=(hashlib.sha256(token.encode()).digest(),))
             app = create_studio(settings, library, self.model[1:])
-            # Behind #, so that neither a log nor another page ever sees it.
+            # Behind #, so that neither a log nor another page ever sees it; a browser is started
+            # with a file that leads there, so that no list of processes has it either.
             page = f"{address(listener)}/studio#token={token}"
             print(page, flush=True)
             if self.browser:  # in a thread, since a browser of the terminal holds the server up
-                Thread(target=webbrowser.open, args=(page,), daemon=True).start()
+                place = redirecting_page(library.folder, page).as_uri()
+                Thread(target=webbrowser.open, args=(place,), daemon=True).start()
             serve(app, listener, 0.0, 5.0)

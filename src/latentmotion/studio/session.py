@@ -7,6 +7,7 @@ studio in this browser is let in.
 
 from __future__ import annotations
 
+import html
 import os
 import secrets
 from http.cookies import SimpleCookie
@@ -46,16 +47,42 @@ def kept_token(folder: Path) -> str:
             token = path.read_text(encoding="ascii", errors="replace").strip()
             if len(token) >= LEAST_TOKEN and token.isascii():
                 return token
-        path.unlink(missing_ok=True)
         token = secrets.token_urlsafe(32)
-        with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
-            file.write(token + "\n")
+        _write_private(path, token + "\n")
     except OSError as error:
         raise InputError(
             f"{path}: cannot be written ({error.strerror}); the studio keeps its token there; "
             "name another folder by --library"
         ) from error
     return token
+
+
+def redirecting_page(folder: Path, address: str) -> Path:
+    """Writes a page that only its owner can read, and that leads a browser to an address.
+
+    The words that start a browser can be read by everybody on this machine, so that they name this
+    file in place of an address with a token.
+
+    Args:
+        folder: The library.
+        address: The address, with its token.
+    """
+    path = folder / "open.html"
+    target = html.escape(address)
+    _write_private(
+        path,
+        '<!doctype html><meta charset="utf-8"><title>Latent Motion studio</title>\n'
+        f'<meta http-equiv="refresh" content="0; url={target}">\n'
+        f'<p>The studio is at <a href="{target}">this address</a>.</p>\n',
+    )
+    return path
+
+
+def _write_private(path: Path, text: str) -> None:
+    """Writes a file anew that only its owner can read."""
+    path.unlink(missing_ok=True)
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+        file.write(text)
 
 
 class CookieToken:
