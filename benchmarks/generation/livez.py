@@ -22,7 +22,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 
 import httpx
 import uvicorn
@@ -149,22 +149,24 @@ def drained(answers: object) -> Iterator[int]:
 
 def measured(ports: Sequence[int], seconds: float) -> list[list[float]]:
     """Returns the seconds of health checks that go to servers in turns."""
-    links = [socket.create_connection(("127.0.0.1", port), timeout=60) for port in ports]
     found: list[list[float]] = [[] for _ in ports]
     end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        for link, times in zip(links, found, strict=True):
-            time.sleep(PAUSE)
-            began, answer = time.perf_counter(), b""
-            link.sendall(WHOLE)
-            while not answer.endswith(b"ok\n"):
-                piece = link.recv(1 << 16)
-                if not piece:
-                    raise ConnectionError("a health check was not answered")
-                answer += piece
-            if not answer.startswith(b"HTTP/1.1 200"):
-                raise ConnectionError(f"a health check was answered by {answer[:40]!r}")
-            times.append(time.perf_counter() - began)
+    with ExitStack() as stack:
+        places = [("127.0.0.1", port) for port in ports]
+        links = [stack.enter_context(socket.create_connection(one, 60)) for one in places]
+        while time.monotonic() < end:
+            for link, times in zip(links, found, strict=True):
+                time.sleep(PAUSE)
+                began, answer = time.perf_counter(), b""
+                link.sendall(WHOLE)
+                while not answer.endswith(b"ok\n"):
+                    piece = link.recv(1 << 16)
+                    if not piece:
+                        raise ConnectionError("a health check was not answered")
+                    answer += piece
+                if not answer.startswith(b"HTTP/1.1 200"):
+                    raise ConnectionError(f"a health check was answered by {answer[:40]!r}")
+                times.append(time.perf_counter() - began)
     return found
 
 

@@ -154,7 +154,7 @@ def a_run(root: Path, acknowledge: Acknowledge) -> None:
     work = shards.Work(shards.Run({"seed": 1}, 2, tuple(tasks)), tasks)
     folder = folder_at(str(root / "run"), create=True)
     shards.make(work, folder, report=lambda record: acknowledge(f"run/{record.name}", "motions"))
-    acknowledge("run/manifest.json", "motions")
+    acknowledge("run/manifest.json", "2.bin")
 
 
 def a_snapshot(root: Path, acknowledge: Acknowledge) -> None:
