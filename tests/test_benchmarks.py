@@ -34,7 +34,7 @@ from benchmarks.generation import (
 from benchmarks.generation.authors import AuthorsGeneration
 from benchmarks.generation.ours import Generation, Model, sentences
 from benchmarks.harness import authors_networks, contest, load, process, replicas
-from benchmarks.quality import wordings
+from benchmarks.quality import dynamics, wordings
 from benchmarks.training import device as device_training
 from benchmarks.training import kills
 from benchmarks.training import speed as training
@@ -453,3 +453,20 @@ def test_a_caption_is_told_better_than_another_movement(monkeypatch, capsys, tmp
     right, wrong, _ = (float(cell.split()[0]) for cell in cells)
     assert right > wrong
     assert len(out.read_text().splitlines()) == 5
+
+
+def test_dynamics_of_files_stand_beside_real_motion(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    motion = MotionPipeline.from_pretrained("fast", threads=1)("a person walks", 2.0, takes=1)
+    motion.save(tmp_path / "walk.npz")
+    motion.save(tmp_path / "walk.bvh")
+    files = [str(tmp_path / "walk.npz"), str(tmp_path / "walk.bvh")]
+    monkeypatch.setenv("LATENTMOTION_CACHE", str(tmp_path / "cache"))
+    data = ["--data", str(ROOT / "data/starter.pack")]
+    monkeypatch.setattr(sys, "argv", ["dynamics", "files", *files, *data])
+    dynamics.main()
+    table = rows(capsys.readouterr().out)
+    assert {"walk.npz", "walk.bvh", "all files", "real, matched"} <= set(table)
+    jerks = [float(table[name][1]) for name in ("walk.npz", "walk.bvh")]
+    assert jerks[0] == pytest.approx(jerks[1], rel=0.2) and jerks[0] > 10

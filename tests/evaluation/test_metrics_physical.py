@@ -1,11 +1,17 @@
-"""Foot sliding, jitter and floor penetration against closed forms."""
+"""Foot sliding, jitter, floor penetration and floating against closed forms."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
+from latentmotion.kinematics.plausibility import (
+    floating,
+    foot_sliding,
+    jitter,
+    penetration,
+    skating_ratio,
+)
 from latentmotion.kinematics.skeleton import HUMANML3D
 
 FPS = 20.0
@@ -65,3 +71,16 @@ def test_short_motions_have_neither_sliding_nor_jitter():
     assert foot_sliding(standing(1), FPS) == 0
     assert skating_ratio(standing(1), FPS) == 0
     assert jitter(standing(3), FPS) == 0
+
+
+def test_floating_is_the_height_of_a_body_that_nothing_carries():
+    assert floating(standing(height=0.05), FPS) == 0
+    high = standing(height=0.25)
+    # 5 frames of a quarter of a second at either end, 28 between them
+    assert floating(high, FPS) == pytest.approx(0.2 * 38 / 30)
+    leap = slide(high, 1.0)
+    leap[[0, -1]] -= (0, 0.25, 0)
+    assert floating(leap, FPS) == 0
+    begins_above = leap.copy()
+    begins_above[0, :, 1] += 0.25
+    assert floating(begins_above, FPS) == pytest.approx(0.2 * 5 / 30)

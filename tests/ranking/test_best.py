@@ -69,7 +69,7 @@ def test_the_score_is_the_match_less_feet_and_floor(walk: Motion) -> None:
 def test_claims_are_graded(walk: Motion, prompt: str, claims: float) -> None:
     (take,) = ranked([walk], prompt, shipped_scorer())
     assert take.claims == pytest.approx(claims, abs=0.11)
-    costs = take.sliding + 2 * take.penetration + max(0, take.jerk - 150) / 1000
+    costs = take.sliding + 2 * (take.penetration + take.floating) + max(0, take.jerk - 150) / 1000
     assert take.score == pytest.approx(2 * take.claims + take.text - costs)
 
 
@@ -134,7 +134,7 @@ def test_the_command_line_tells_scores(tmp_path: Path, capsys: pytest.CaptureFix
     captured = capsys.readouterr()
     (motion,) = json.loads(captured.out)["motions"]
     assert set(motion["best_of"][0]) == {
-        *("seed", "score", "claims", "text", "sliding", "penetration", "jerk"),
+        *("seed", "score", "claims", "text", "sliding", "penetration", "floating", "jerk"),
         "advantage",
     }
     assert "best of 2: seed" in captured.err

@@ -1,4 +1,4 @@
-"""Physical plausibility: foot sliding, jitter, floor penetration.
+"""Physical plausibility: foot sliding, jitter, floor penetration, floating.
 
 Foot sliding: how fast feet move along the floor while they stand on it.
 
@@ -24,6 +24,14 @@ Floor penetration: how deep the lowest joint is below the floor.
     mean over frames t of   max(0, floor − min_j y_jt),   meters
 
 Yuan et al. 2023, "PhysDiff", section 4, with joints in place of a body mesh.
+
+Floating: how high a body is that nothing carries, as far as it neither travels nor falls.
+
+    mean over frames t of   max(0, min_j y_jt − 5 cm)   where the pelvis is slower than 0.3 m/s, or
+                                                        t is the first or the last frame
+
+PhysDiff, section 4, has all frames; one who jumps or runs is in the air by right. A motion that
+begins or ends there is not: the frames at its ends count as a quarter of a second each.
 """
 
 from __future__ import annotations
@@ -35,6 +43,7 @@ from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 
 _FADING_HEIGHT = 0.025
 _CONTACT_HEIGHT, _SKATING_SPEED = 0.05, 0.5
+_CARRIED_SPEED, _END_SECONDS = 0.3, 0.25
 
 
 def foot_sliding(
@@ -98,3 +107,21 @@ def penetration(joints: Float[np.ndarray, "frames joints 3"], floor: float = 0.0
     """
     lowest = np.asarray(joints, dtype=np.float64)[..., 1].min(axis=1)
     return float(np.maximum(0, floor - lowest).mean())
+
+
+def floating(joints: Float[np.ndarray, "frames joints 3"], fps: float, floor: float = 0.0) -> float:
+    """Returns the mean height of a body that nothing carries, meters.
+
+    Args:
+        joints: Joint positions, meters, y up; joint 0 is the root.
+        fps: Frames per second.
+        floor: Height of the floor, meters.
+    """
+    exact = np.asarray(joints, dtype=np.float64)
+    height = np.maximum(0, exact[..., 1].min(axis=1) - floor - _CONTACT_HEIGHT)
+    if len(exact) < 2:
+        return float(height.mean())
+    slow = np.linalg.norm(np.gradient(exact[:, 0], 1 / fps, axis=0), axis=-1) < _CARRIED_SPEED
+    weight = slow.astype(np.float64)
+    weight[[0, -1]] = _END_SECONDS * fps
+    return float((weight * height).sum() / len(exact))

@@ -1,11 +1,11 @@
 """Best of several takes: claims and match of sentence and motion, less what feet and jerk cost.
 
     score = 2 (1 − rarity) · claims + cosine(sentence, motion) + advantage of its start
-            − sliding − 2 · penetration − max(0, jerk − 150)/1000
+            − sliding − 2 · (penetration + floating) − max(0, jerk − 150)/1000
 
 `claims` is how closely the motion, cleaned up, does what the sentence asks: degrees, counts, sides,
-ways, paces and order (`ranking/closeness.py`). Sliding is in m/s, penetration in m, jerk in m/s³
-(`kinematics/plausibility.py`); recordings have jerks of some 100. Weights are such that claims
+ways, paces and order (`ranking/closeness.py`). Sliding is in m/s, penetration and floating in m,
+jerk in m/s³ (`kinematics/plausibility.py`); recordings have jerks of some 100. Claims
 decide first, and ordinary differences of feet and floor only between takes that match about as
 well (lab/diary/best_of.md). A take of a rare movement that starts from a clip of it has an
 advantage, since claims and scorer know rare movements least (`retrieval/starts.py`); the largest
@@ -26,7 +26,7 @@ from latentmotion.condition.interface import Condition
 from latentmotion.condition.task import SentenceCondition
 from latentmotion.corrections import Corrections
 from latentmotion.errors import InputError
-from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration
+from latentmotion.kinematics.plausibility import floating, foot_sliding, jitter, penetration
 from latentmotion.language.reading import request_of
 from latentmotion.measure.scene import scene_of
 from latentmotion.model.card import ModelCard
@@ -46,8 +46,8 @@ _FAST_STEPS = 16
 _CLAIMS = 2.0
 """Weight of the claims beside the cosine."""
 
-_PENETRATION, _JERK, _USUAL_JERK = 2.0, 1e-3, 150.0
-"""Costs of a meter below the floor and of one m/s³ of jerk above the usual."""
+_OFF_FLOOR, _JERK, _USUAL_JERK = 2.0, 1e-3, 150.0
+"""Costs of a meter below or above the floor and of one m/s³ of jerk above the usual."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +66,8 @@ class Take:
     """Mean speed of feet along the floor, m/s."""
     penetration: float
     """Mean depth of the lowest joint below the floor, meters."""
+    floating: float
+    """Mean height of a body that nothing carries, and that neither moves nor falls, meters."""
     jerk: float
     """Mean jerk of the joints, m/s³."""
     advantage: float = 0.0
@@ -75,7 +77,8 @@ class Take:
 
     def about(self) -> dict[str, Any]:
         """Returns seed, score and reasons, as JSON can hold them."""
-        figures = ("score", "claims", "text", "sliding", "penetration", "jerk", "advantage")
+        figures = ("score", "claims", "text", "sliding", "penetration")
+        figures += ("floating", "jerk", "advantage")
         return {"seed": self.motion.metadata.get("seed")} | {
             name: round(getattr(self, name), 5) for name in figures
         }
@@ -157,12 +160,14 @@ def ranked(
     ):
         joints, fps = motion.joints, motion.fps
         sliding, depth = foot_sliding(joints, fps, motion.skeleton), penetration(joints)
-        jerk, claims = jitter(joints, fps), 0.0
+        hovers, jerk, claims = floating(joints, fps), jitter(joints, fps), 0.0
         if request.claims:
             claims = closeness(request, scene_of((after or motion).joints.astype(np.float64)))
-        costs = sliding + _PENETRATION * depth + _JERK * max(0.0, jerk - _USUAL_JERK)
+        costs = sliding + _OFF_FLOOR * (depth + hovers) + _JERK * max(0.0, jerk - _USUAL_JERK)
         score = weight * claims + match + advantage - costs
-        takes.append(Take(motion, score, claims, match, sliding, depth, jerk, advantage, after))
+        takes.append(
+            Take(motion, score, claims, match, sliding, depth, hovers, jerk, advantage, after)
+        )
     takes.sort(key=lambda take: -take.score)
     for note in notes:  # of takes that are not kept nobody needs to know
         if getattr(note.message, "motion", None) in (None, takes[0].motion):
