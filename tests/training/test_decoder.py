@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from safetensors.torch import save_file
 
 from benchmarks.generation import decoders
 from latentmotion.cli.main import main
@@ -20,14 +19,14 @@ from latentmotion.export.swap_decoder import with_decoder
 from latentmotion.model.config import IdentityVAEConfig, QuarterRateDecoder
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import load_model, save_model
-from latentmotion.networks.vae.interface import VAEObjective
 from latentmotion.training.decoder import (
+    DenoisedStage,
     check_data,
     light_decoder_config,
-    load_imitation,
     train_decoder,
+    vae_with_latents_of,
 )
-from latentmotion.training.distillation.trajectories import TRAJECTORIES_FILE
+from latentmotion.training.distributed import Ranks, StepRandomness
 from latentmotion.training.experiment import Experiment
 from tests.support.small_training import CONTEXT, killed_at, small
 
@@ -49,19 +48,6 @@ def decoded(figures: Path, model: Path, tmp_path_factory: pytest.TempPathFactory
     return train_decoder(settings(model), figures, model, run, CONTEXT)
 
 
-@pytest.fixture(scope="module")
-def generated(model: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Returns a run folder as distillation leaves it; the latents lie off those of the data."""
-    run = tmp_path_factory.mktemp("distillation")
-    save_model(run / "model", load_model(model))
-    generator = torch.Generator().manual_seed(0)
-    points = 4 * torch.randn(64, 3, 6, 4, generator=generator)
-    mask = torch.arange(6)[None] < torch.randint(2, 7, (64, 1), generator=generator)
-    trajectories = {"points": points, "mask": mask, "guidance": torch.ones(64)}
-    save_file(trajectories, run / TRAJECTORIES_FILE)
-    return run
-
-
 def test_only_the_decoder_is_another(model: Path, decoded: Path) -> None:
     before, after = load_model(model), load_model(decoded)
     for one, other in ((before.vae.encoder, after.vae.encoder), (before.denoiser, after.denoiser)):
@@ -75,44 +61,36 @@ def test_only_the_decoder_is_another(model: Path, decoded: Path) -> None:
     assert len(after.card.provenance.commands) == 3
 
 
-def test_it_goes_on_bit_for_bit(
-    generated: Path, figures: Path, model: Path, tmp_path: Path
-) -> None:
+def test_it_goes_on_bit_for_bit(figures: Path, model: Path, tmp_path: Path) -> None:
     experiment = settings(model)
-    whole = train_decoder(experiment, figures, model, tmp_path / "whole", CONTEXT, generated)
+    whole = train_decoder(experiment, figures, model, tmp_path / "whole", CONTEXT, 0.5)
     with killed_at(5):
-        train_decoder(experiment, figures, model, tmp_path / "run", CONTEXT, generated)
-    found = train_decoder(experiment, figures, model, tmp_path / "run", CONTEXT, generated)
+        train_decoder(experiment, figures, model, tmp_path / "run", CONTEXT, 0.5)
+    found = train_decoder(experiment, figures, model, tmp_path / "run", CONTEXT, 0.5)
     one, other = (folder / "weights.safetensors" for folder in (whole, found))
     assert one.read_bytes() == other.read_bytes()
     with pytest.raises(InputError, match=r"parents.model"):
-        train_decoder(experiment, figures, whole, tmp_path / "run", CONTEXT, generated)
-    with pytest.raises(InputError, match=r"parents.imitated"):
+        train_decoder(experiment, figures, whole, tmp_path / "run", CONTEXT, 0.5)
+    with pytest.raises(InputError, match=r"parents.denoised"):
         train_decoder(experiment, figures, model, tmp_path / "run", CONTEXT)
+    with pytest.raises(InputError, match="below 1"):
+        train_decoder(experiment, figures, model, tmp_path / "run", CONTEXT, 1.0)
 
 
-def test_it_learns_from_the_other_decoder_on_generated_latents(
-    generated: Path, figures: Path, model: Path, tmp_path: Path
-) -> None:
-    experiment = settings(model)
-    longer = replace(
-        experiment.vae_training, steps=90, learning_rate=1e-2, warm_up=30, validate_every=90
-    )
-    # What some steps reach depends on the objective and its rate, so the preset's are not taken.
-    objective = VAEObjective(velocity=0.1, kl=1e-3, joints_huber_delta=0.05)
-    experiment = replace(experiment, vae_training=longer, vae_objective=objective)
-    old, imitation = load_model(model), load_imitation(generated, load_model(model))
-    latents, mask = imitation.batch(range(64), 24)
-    assert latents.shape == (64, 6, 4) and bool((mask.sum(dim=1).diff() >= 0).all())
-
-    def distance(imitated: Path | None) -> float:
-        run = tmp_path / ("imitating" if imitated else "plain")
-        new = load_model(train_decoder(experiment, figures, model, run, CONTEXT, imitated))
-        with torch.no_grad():
-            return float((old.vae.decode(latents, mask) - new.vae.decode(latents, mask)).std())
-
-    found, without = distance(generated), distance(None)
-    assert found < 0.5 * without
+def test_it_learns_from_latents_that_the_denoiser_cleaned(figures: Path, model: Path) -> None:
+    trained = load_model(model)
+    vae = vae_with_latents_of(trained, settings(model).vae)
+    dataset, experiment = Dataset.load(figures), settings(model)
+    stage = DenoisedStage(vae, dataset, experiment, CONTEXT, trained, None, 0.9)
+    drawn, mask = torch.randn(5, 6, 4), torch.ones(5, 6, dtype=torch.bool)
+    draws = [StepRandomness(0, 0, 5, Ranks()) for _ in range(2)]
+    cleaned = stage._latents_to_decode(draws[0], drawn, mask)
+    times = 0.9 * draws[1].uniform()
+    moved = (cleaned - drawn).norm(dim=(1, 2))
+    assert bool((moved[times.argsort()][[0, -1]].diff() > 0).all())  # later is farther off
+    assert all(name.startswith("network.") for name in stage.state_dict())
+    losses = stage(0)
+    assert all(bool(loss.isfinite()) for loss in losses.values())
 
 
 def test_a_student_gets_it_by_exchange(model: Path, decoded: Path, tmp_path: Path) -> None:
@@ -140,7 +118,7 @@ def test_a_student_gets_it_by_exchange(model: Path, decoded: Path, tmp_path: Pat
 
 
 def test_what_does_not_fit_is_refused(
-    figures: Path, model: Path, decoded: Path, generated: Path, tmp_path: Path
+    figures: Path, model: Path, decoded: Path, tmp_path: Path
 ) -> None:
     trained, other = load_model(model), load_model(decoded)
     wider = replace(settings(model), vae=replace(light_decoder_config(model), width=24))
@@ -161,10 +139,6 @@ def test_what_does_not_fit_is_refused(
         check_data(card, Dataset.load(figures))
     with pytest.raises(InputError, match="different normalizers"):
         with_decoder(trained, replace(trained, card=card))
-    with pytest.raises(InputError, match="expected latents over time"):
-        load_imitation(decoded.parent, load_model(decoded))
-    with pytest.raises(InputError, match="different encoders"):
-        load_imitation(generated, other)
     space = frames.latent_space()
     save_model(tmp_path / "raw", replace(raw, card=replace(raw.card, latents=space)))
     with pytest.raises(ModelError, match="no cheaper decoder"):

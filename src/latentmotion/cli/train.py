@@ -197,9 +197,9 @@ class TrainReinforce:
 
 @dataclass(frozen=True)
 class TrainDecoder:
-    """Train a cheaper decoder for a model's latents and write the whole model to OUTPUT/model.
+    """Train a decoder for a model's latents, a cheaper one or its own.
 
-    Encoder and denoiser stay as they are.
+    The whole model is written to OUTPUT/model; encoder and denoiser stay as they are.
 
     Example: latentmotion train decoder --model starter --data my_data -o runs/decoder
     """
@@ -212,9 +212,9 @@ class TrainDecoder:
     set: options.Changes = ()
     """Change any other setting of the experiment, e.g. vae.decoder.dilations='[9,3,1]';
     repeatable. Its VAE is the model's, with a cheaper decoder."""
-    imitate: Path | None = None
-    """Run folder of a distillation with the same latents. The decoder then also learns to decode
-    the latents generated there as that model's own decoder does."""
+    denoised: float = 0.0
+    """Noise latents to times up to this and let the model's denoiser clean them, so that the
+    decoder learns to give back detail which denoising takes away; 0 for latents of motions."""
     device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: preset_named(PRESET).vae_training)
 
@@ -231,10 +231,12 @@ class TrainDecoder:
             vae=decoder.light_decoder_config(model),
             vae_training=self.training,
         )
-        experiment = with_changes(experiment, self.set)
+        experiment, card = with_changes(experiment, self.set), read_card(model)
+        reads = self.denoised > 0 and card.condition.reads_text
+        encoder = find_encoder(card, model) if reads else None
         with distributed_context(self.device) as context:
             folder = decoder.train_decoder(
-                experiment, self.data, model, self.output, context, self.imitate
+                experiment, self.data, model, self.output, context, self.denoised, encoder
             )
             print(folder)
 

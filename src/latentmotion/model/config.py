@@ -388,7 +388,8 @@ class ConvolutionalVAEConfig(MotionVAEConfig):
 
     def with_light_decoder(self) -> ConvolutionalVAEConfig:
         """Returns the same latents with a decoder at a quarter of the frame rate."""
-        return replace(self, decoder=QuarterRateDecoder())
+        light = isinstance(self.decoder, QuarterRateDecoder)
+        return self if light else replace(self, decoder=QuarterRateDecoder())
 
     def decoder_margin(self) -> int:
         """Returns the reach of the decoder's convolutions, in tokens."""

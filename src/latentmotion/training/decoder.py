@@ -1,85 +1,66 @@
 """Another decoder for the latents of a trained model: a cheaper one, or the same trained again.
 
 The encoder stays bit-identical, so that the model's denoiser fits as before. A decoder that has
-seen only latents of real motions is worse on a denoiser's latents. The ends of a teacher's
-trajectories, which distillation keeps, are such latents; what the decoder that they were generated
-for makes of them can be the target of the new one (knowledge distillation).
+seen only latents of real motions is worse on a denoiser's latents, which lack detail. Latents of
+real motions that are noised and denoised lack it too, and it is known what they stand for: so the
+decoder learns to give back what denoising takes away.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
+from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
+from latentmotion.diffusion.parametrization import add_noise
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export.swap_decoder import check_latents, other_figures, scale_of
 from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.config import VAEConfig
 from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import WEIGHTS_FILE, FirstStageModel, load_stages, save_model
+from latentmotion.networks.checkpoint import (
+    WEIGHTS_FILE,
+    FirstStageModel,
+    LatentModel,
+    load_model,
+    load_stages,
+    save_model,
+)
 from latentmotion.networks.vae.interface import (
     MotionVAE,
     copy_encoder,
     encoder_state,
-    feature_losses,
-    weighted_sum,
 )
 from latentmotion.representation.interface import Scale
 from latentmotion.storage.files import sha256
-from latentmotion.training.distillation.trajectories import TRAJECTORIES_FILE, ends_of
-from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import Experiment, differing_keys
 from latentmotion.training.loop import train
 from latentmotion.training.run_folder import MODEL, Run, open_run, provenance_of
+from latentmotion.training.task_conditions import ConditionTable, required_encoder
 from latentmotion.training.vae import VAEStage
 
 
-@dataclass(frozen=True)
-class Imitation:
-    """Latents, the shortest first, and the decoder that answers to them."""
+class DenoisedStage(VAEStage):
+    """A decoder that learns from latents as a denoiser leaves them.
 
-    latents: Float[torch.Tensor, "motions tokens width"]
-    """Latents in the VAE's own scale."""
-    mask: Bool[torch.Tensor, "motions tokens"]
-    """True on real tokens."""
-    frames_per_token: int
-    """Frames per latent token."""
-    vae: MotionVAE
-    """The VAE whose output is learned, frozen."""
-    fingerprint: str
-    """Hash of the latents and of its weights."""
-
-    def rows(self, step: int, batch: int, seed: int) -> range:
-        """Returns the rows of step number `step`: neighbors, so of similar length."""
-        last = max(len(self.mask) - batch, 0)
-        first = int(np.random.default_rng([seed, step]).integers(last + 1))
-        return range(first, min(first + batch, len(self.mask)))
-
-    def batch(
-        self, rows: range, frames: int
-    ) -> tuple[Float[torch.Tensor, "batch tokens width"], Bool[torch.Tensor, "batch frames"]]:
-        """Returns latents for at most so many frames, and the mask of the frames."""
-        mask = self.mask[list(rows)]
-        tokens = min(int(mask.sum(dim=1).max()), frames // self.frames_per_token)
-        frame_mask = mask[:, :tokens].repeat_interleave(self.frames_per_token, dim=1)
-        return self.latents[list(rows), :tokens], frame_mask
-
-
-class ImitatingStage(VAEStage):
-    """A VAE that learns from motions and, as much, from another decoder on generated latents.
+    Each motion's latents are noised to a time between 0 and `latest` and denoised at once, without
+    a prompt.
 
     Args:
         vae: The network to train.
         dataset: Motions.
         experiment: Crops and loss.
         context: The device and rank.
-        imitation: Generated latents and who decodes them.
+        model: Whose denoiser it is, and the scale of its latents.
+        encoder: The model's, where it reads sentences.
+        latest: The latest time, below 1.
     """
 
     def __init__(
@@ -88,55 +69,31 @@ class ImitatingStage(VAEStage):
         dataset: Dataset,
         experiment: Experiment,
         context: DistributedContext,
-        imitation: Imitation,
+        model: LatentModel,
+        encoder: TextEncoder | None,
+        latest: float,
     ) -> None:
         super().__init__(vae, dataset, experiment, context)
-        self._imitation = imitation
-        imitation.vae.to(context.device)
-        self._most = experiment.vae_cropping.max_frames
+        card, device = model.card, context.device
+        condition = card.prompt_condition(partial(required_encoder, encoder))
+        self._null, self._latest = ConditionTable(condition, [], device), latest
+        denoiser = model.denoiser.eval().requires_grad_(False).to(device)
+        self._denoiser = card.parametrized(denoiser.__call__)  # no part of this module
+        self._scale = Scale(torch.tensor(card.latents.mean), torch.tensor(card.latents.std))
 
-    def forward(self, step: int) -> dict[str, torch.Tensor]:
-        """Losses of step number `step`; "imitated" is that on generated latents."""
-        losses = super().forward(step)
-        settings, context = self._settings, self._context
-        rows = self._imitation.rows(step, settings.batch_size, settings.seed)
-        batch = self._imitation.batch(rows[context.ranks.shard(len(rows))], self._most)
-        latents, mask = (part.to(context.device) for part in batch)
-        with torch.no_grad(), torch.autocast(context.device.type, enabled=False):
-            true = self._imitation.vae.decode(latents, mask)
-        decoded = self.network.decode(latents, mask).float()
-        fps, objective = self._dataset.representation.fps, self._objective
-        parts = feature_losses(decoded, true, mask, self._joints, fps, objective, self.skeleton)
-        imitated = weighted_sum(parts, objective)
-        return {**losses, "total": losses["total"] + imitated, "imitated": imitated}
-
-
-def load_imitation(run: Path, model: FirstStageModel) -> Imitation:
-    """Reads what a distillation generated, and the decoder that its model has.
-
-    Args:
-        run: Run folder of a distillation that ended.
-        model: The model for whose latents a decoder is trained.
-
-    Raises:
-        ModelError: The run has made no model.
-        InputError: It keeps no trajectories, or its latents are others, or have no time axis.
-    """
-    student = load_stages(run / MODEL)
-    check_latents(model, student)
-    trajectories, space = run / TRAJECTORIES_FILE, student.card.latents
-    if not trajectories.is_file() or space.frames_per_token is None:
-        raise InputError(
-            f"{run}: expected latents over time in {TRAJECTORIES_FILE}; pass the run folder of a "
-            "distillation by TrajectoryRegression of a model that has such"
-        )
-    ends, mask = ends_of(trajectories)
-    by_length = mask.sum(dim=1).argsort(stable=True)
-    latents = Scale(torch.tensor(space.mean), torch.tensor(space.std)).denormalize(ends)
-    vae = student.vae.eval().requires_grad_(False)
-    fingerprint = sha256(trajectories) + sha256(run / MODEL / WEIGHTS_FILE)
-    latents, mask = latents[by_length], mask[by_length]
-    return Imitation(latents, mask, space.frames_per_token, vae, fingerprint)
+    @torch.no_grad()
+    def _latents_to_decode(
+        self,
+        randomness: StepRandomness,
+        drawn: Float[torch.Tensor, "batch tokens width"],
+        mask: Bool[torch.Tensor, "batch tokens"],
+    ) -> Float[torch.Tensor, "batch tokens width"]:
+        z0, t = self._scale.normalize(drawn.float()), self._latest * randomness.uniform()
+        noise = randomness.normal(*z0.shape[1:])
+        z = add_noise(z0, noise, t, self._denoiser.schedule)
+        output = self._denoiser.denoiser(z, t, self._null([""] * len(z)), mask)
+        estimate, _ = self._denoiser.estimates(output.float(), z, t)
+        return self._scale.denormalize(estimate)
 
 
 def train_decoder(
@@ -145,7 +102,8 @@ def train_decoder(
     model: Path,
     folder: Path,
     context: DistributedContext,
-    imitated: Path | None = None,
+    denoised: float = 0.0,
+    encoder: TextEncoder | None = None,
 ) -> Path:
     """Trains a decoder for a model's latents, or resumes its training; returns the model's folder.
 
@@ -155,25 +113,30 @@ def train_decoder(
         model: Model folder, with or without a denoiser.
         folder: Run folder.
         context: The device and rank.
-        imitated: Run folder of a distillation, to learn from its decoder on what it generated.
+        denoised: Latest time to which latents are noised, to learn from what the model's denoiser
+            makes of them; 0 for latents as they are.
+        encoder: The model's text encoder, where its denoiser reads sentences and is needed.
 
     Raises:
         DataError: The data cannot be used.
-        ModelError: The model is missing or has no VAE, or the distillation has not ended.
+        ModelError: The model is missing, has no VAE, or no denoiser where one is needed.
         InputError: The run folder holds another run, or model, data and decoder do not fit.
     """
+    if not 0 <= denoised < 1:
+        raise InputError(f"latents noised to time {denoised}: expected 0 (not noised) to below 1")
     dataset, training = Dataset.load(data), experiment.vae_training
     trained = load_stages(model)
     check_data(trained.card, dataset)
     torch.manual_seed(training.seed)
     vae = vae_with_latents_of(trained, experiment.vae)
-    imitation = load_imitation(imitated, trained) if imitated else None
-    parents = {"model": sha256(model / WEIGHTS_FILE)}
-    if imitation:
-        parents["imitated"] = imitation.fingerprint
+    parents = {"model": sha256(model / WEIGHTS_FILE), "denoised": str(denoised)}
     open_run(folder, Run("decoder", dataset.fingerprint, parents, experiment), context)
     parts = vae, dataset, experiment, context
-    stage = ImitatingStage(*parts, imitation) if imitation else VAEStage(*parts)
+    stage = (
+        DenoisedStage(*parts, load_model(model), encoder, denoised)
+        if denoised
+        else VAEStage(*parts)
+    )
     vae, seconds = train(stage, training, folder, context)
     if context.is_main:
         card = decoder_card(trained.card, experiment, dataset, seconds, stage.validate(vae))
@@ -185,6 +148,8 @@ def train_decoder(
 
 def light_decoder_config(model: Path) -> VAEConfig:
     """Returns the configuration of a model's VAE, with the decoder that costs least.
+
+    That may be the decoder which it has.
 
     Raises:
         ModelError: The model is missing, or there is no cheaper decoder for its VAE.

@@ -156,17 +156,28 @@ class VAEStage(Stage[MotionVAE]):
         shard = crops[context.ranks.shard(len(crops))]
         features, mask = self.memory.batch(shard, max(crop.frames for crop in crops))
         seed, device = self._settings.seed, context.device
+        randomness = StepRandomness(seed, step, len(crops), context.ranks, device)
         return vae_losses(
             vae=self.network,
             features=features.to(device),
             mask=mask.to(device),
-            noise=StepRandomness(seed, step, len(crops), context.ranks, device).normal,
+            noise=randomness.normal,
             joints_of=self._joints,
             fps=self._dataset.representation.fps,
             objective=self._objective,
             vertices_of=self._vertices if self._body else None,
             skeleton=self.skeleton,
+            latents_of=partial(self._latents_to_decode, randomness),
         )
+
+    def _latents_to_decode(
+        self,
+        randomness: StepRandomness,
+        drawn: Float[torch.Tensor, "batch tokens width"],
+        mask: Bool[torch.Tensor, "batch tokens"],
+    ) -> Float[torch.Tensor, "batch tokens width"]:
+        """Returns the latents that the decoder learns from: those that were drawn."""
+        return drawn
 
     @property
     def skeleton(self) -> Skeleton | None:

@@ -4,12 +4,15 @@ Two VAEs with the same encoder weights have the same latents, so one denoiser fi
 
 L = |x̂ − x| + |joints(x̂) − joints(x)| + w KL(q(z | x) ‖ N(0, 1)),  smooth L1 distances
 Action data: the vertices of a body that stays in place, instead of joints.
-Ours, off by default: velocities of joints, of standing feet, and lengths of bones.
+Ours, off by default: velocities of joints, of standing feet and of bodies at rest, lengths of
+bones, and magnitudes of short-time spectra. Frame by frame the best guess of an unknown phase is
+the mean of all, which is smooth; magnitudes stay as large as they are.
 Means are taken over the real part of padded batches, so padding weighs nothing.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -159,6 +162,15 @@ def mean_of_all(
 STANDING = 0.2
 """Speed in m/s below which a true foot joint counts as standing; real contacts slide at 0.14."""
 
+AT_REST = 0.12
+"""Mean speed of all joints in m/s below which a body is at rest."""
+
+SPECTRUM_SECONDS = 0.6
+"""Length of the windows whose spectra are compared: a step of a run, a clap."""
+
+SPECTRUM_FROM = 3.0
+"""Hertz from which spectra are compared; slower movement is known frame by frame."""
+
 Mean = Callable[[Tensor, Tensor], Tensor]
 """Values and the mask of what is real to a number."""
 
@@ -180,6 +192,11 @@ class VAEObjective:
     a square weighs what is quick: punches, kicks, waves."""
     contacts: float = 0.0
     """Weight of the distance of foot velocities, meters a second, where the true foot stands."""
+    rest: float = 0.0
+    """Weight of the speed of joints, meters a second, where the true body is at rest."""
+    spectrum: float = 0.0
+    """Weight of the squared distance of magnitudes of joints' accelerations, meters a second
+    squared, in each band of frequencies from 3 Hz up."""
     bones: float = 0.0
     """Weight of the distance of bone lengths, meters."""
     kl: float = 1e-4
@@ -208,6 +225,7 @@ def vae_losses(
     objective: VAEObjective,
     vertices_of: Callable[[Tensor], Tensor] | None = None,
     skeleton: Skeleton | None = None,
+    latents_of: Callable[[Tensor, Tensor], Tensor] = lambda drawn, mask: drawn,
 ) -> dict[str, Tensor]:
     """Encodes, draws, decodes and compares.
 
@@ -221,12 +239,14 @@ def vae_losses(
         objective: Weights of the losses.
         vertices_of: Normalized features to vertices, (batch, frames, vertices, 3), meters.
         skeleton: Whose feet and bones are compared, where the objective does.
+        latents_of: Drawn latents and their mask to those that are decoded.
 
     Returns:
         "total", and each loss by the name of its weight.
     """
     posterior = vae.encode(features, mask)  #                        (batch, tokens, width)
     latents = posterior.mean + posterior.std * noise(*posterior.mean.shape[1:])
+    latents = latents_of(latents, vae.latent_mask(mask))
     rebuilt = vae.decode(latents, mask).float()  #                   (batch, frames, features)
     losses = {
         **feature_losses(rebuilt, features, mask, joints_of, fps, objective, skeleton),
@@ -269,6 +289,11 @@ def feature_losses(
         "velocity": mean(_distance(*velocities, huber_delta * fps), mask[:, 1:]),
         "limbs": mean(limb_error**2, mask[:, 1:]),
     }
+    if objective.rest > 0:
+        still = velocities[1].norm(dim=-1).mean(dim=-1)[..., None, None] < AT_REST
+        losses["rest"] = mean(still * velocities[0].norm(dim=-1, keepdim=True), mask[:, 1:])
+    if objective.spectrum > 0:
+        losses["spectrum"] = _spectral_distance(*velocities, mask, fps, mean)
     if skeleton is None:
         return losses
     feet = [*skeleton.left_foot, *skeleton.right_foot]
@@ -282,6 +307,43 @@ def feature_losses(
         "contacts": mean(stands * _distance(found_feet, true_feet, STANDING), mask[:, 1:]),
         "bones": mean(_distance(found_bones, true_bones, huber_delta), mask),
     }
+
+
+def _spectral_distance(
+    output: Float[Tensor, "batch steps joints 3"],
+    true: Float[Tensor, "batch steps joints 3"],
+    mask: Bool[Tensor, "batch frames"],
+    fps: float,
+    mean: Mean,
+) -> Float[Tensor, ""]:
+    """Compares how large accelerations are in each band of frequencies, in windows that overlap.
+
+    Args:
+        output: Velocities of joints; the first is that of the pelvis, from which the others count.
+        true: The true ones.
+        mask: True on real frames.
+        fps: Frames per second.
+        mean: Averaging over windows.
+    """
+    length = round(SPECTRUM_SECONDS * fps)
+    hop = max(1, length // 4)
+    real = mask[:, 2:].unfold(1, length, hop).all(dim=-1)
+    if mask.shape[1] < length + 2 or not real.any():
+        return output.new_zeros(())
+    first = math.ceil(SPECTRUM_FROM * length / fps)
+    weights = torch.hann_window(length, device=output.device)
+
+    def magnitudes(velocities: Tensor) -> Tensor:
+        pelvis = velocities[:, :, :1]
+        apart = torch.cat([pelvis, velocities[:, :, 1:] - pelvis], dim=2)
+        windows = (fps * apart.diff(dim=1)).unfold(1, length, hop)
+        spectrum = torch.fft.rfft(windows * (2 * weights / weights.sum()))[..., first:]
+        power = spectrum.real**2 + spectrum.imag**2  # (batch, windows, joints, 3, bands)
+        return (power.sum(dim=3) + 1e-4).sqrt()
+
+    squares = (magnitudes(output) - magnitudes(true)) ** 2
+    whole = real.any(dim=1)
+    return mean(squares[whole], real[whole]) * whole.float().mean()
 
 
 def weighted_sum(losses: dict[str, Tensor], objective: VAEObjective) -> Tensor:
