@@ -46,10 +46,13 @@ class Corrections:
     """The turn, if the sentence names the degrees of exactly one."""
     count: Count | None = None
     """The count, if the sentence says how often exactly one act is done."""
+    settles: bool = False
+    """Whether it is a whole motion as it was generated, whose timing is free."""
 
     def about(self) -> dict[str, Any]:
         """Returns what a motion's metadata say of the numbers in its sentence."""
-        return {name: each for name, each in asdict(self).items() if each is not None}
+        asked = {"turn": self.turn, "count": self.count}
+        return {name: asdict(each) for name, each in asked.items() if each is not None}
 
 
 NO_CORRECTIONS = Corrections()

@@ -57,7 +57,7 @@ from latentmotion.engine.session import (
     open_pullback,
 )
 from latentmotion.errors import InputError, ModelError
-from latentmotion.language.request import asked_exactly
+from latentmotion.language.request import asked_exactly, usual_range
 from latentmotion.model import card as cards
 from latentmotion.model.card import DEFAULT, ModelCard
 from latentmotion.model.config import Sampling
@@ -546,6 +546,7 @@ class MotionPipeline(PickledByFields):
             pairs = [(readings[p].sentence, any_) for p, any_ in zip(prompts, free, strict=True)]
             exact = {pair: asked_exactly(*pair) for pair in dict.fromkeys(pairs)}
             corrections = [exact[pair] for pair in pairs]
+        corrections = [replace(one, settles=True) for one in corrections]
         raw = []
         for positions, prompt, seed, correction, start in zip(
             joints, prompts, seeds, corrections, starts, strict=True
@@ -749,6 +750,8 @@ class MotionPipeline(PickledByFields):
     def usual_seconds(self, prompts: Sequence[str]) -> list[float] | None:
         """Returns the length in seconds that the model predicts for each prompt.
 
+        It is no shorter or longer than a single act usually lasts (`language.request`).
+
         Returns:
             None if the model predicts no lengths.
 
@@ -758,7 +761,10 @@ class MotionPipeline(PickledByFields):
         requests.check_prompts(self.card, prompts)
         if self.lengths is None or not prompts or not isinstance(self.condition, SentenceCondition):
             return None
-        return self.lengths.usual(self.condition.encoder(prompts).pooled)
+        lengths = self.lengths.usual(self.condition.encoder(prompts).pooled)
+        ranges = [usual_range(prompt) or (0.0, np.inf) for prompt in prompts]
+        pairs = zip(lengths, ranges, strict=True)
+        return [min(max(length, least), most) for length, (least, most) in pairs]
 
     def guided(self, sampling: Sampling) -> ParametrizedDenoiser:
         """Returns the denoiser with guidance around it, or inside it for a distilled model."""

@@ -528,3 +528,17 @@ def test_a_folder_in_place_of_the_file_stays(tmp_path: Path, capsys: pytest.Capt
         main(["clean", str(tmp_path / "in.npz"), "-o", str(tmp_path / "out.bvh")])
     assert "cannot write" in capsys.readouterr().err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["in.npz", "out.bvh"]
+
+
+def test_a_body_that_hovers_comes_down_and_one_on_stairs_stays():
+    rising = standing(120)
+    rising[40:, :, 1] += 0.1  # as a generated kick: its foot leaves the floor and never returns
+    aligned = align_floor(rising, FPS, HUMANML3D)
+    assert aligned[80:, FEET, 1].min(axis=1).max() <= Floor().tolerance + 1e-6
+    stairs = standing(120)
+    stairs[40:, :, 1] += 0.4
+    np.testing.assert_allclose(align_floor(stairs, FPS, HUMANML3D)[90:], stairs[90:], atol=1e-3)
+    begun_above = standing(120)
+    begun_above[:60, :, 1] += 0.4
+    aligned = align_floor(begun_above, FPS, HUMANML3D)
+    assert aligned[:30, FEET, 1].min(axis=1).max() <= Floor().tolerance + 1e-3

@@ -7,7 +7,7 @@ import pytest
 from latentmotion.corrections import NO_CORRECTIONS, Corrections, Count
 from latentmotion.language.claims import Claim
 from latentmotion.language.reading import claims_of, request_of
-from latentmotion.language.request import asked_exactly
+from latentmotion.language.request import asked_exactly, usual_range
 
 
 @pytest.mark.parametrize(
@@ -97,3 +97,20 @@ def test_nothing_measurable_is_nothing_asked() -> None:
 
 def test_captions_are_read_as_before() -> None:
     assert claims_of("do a one-eighty") == () and claims_of("four star jumps")[0].kind == "jump"
+
+
+@pytest.mark.parametrize(
+    ("prompt", "expected"),
+    [
+        ("a person salutes", (1.6, 4.0)),
+        ("he shakes his head", (1.6, 4.0)),
+        ("a man runs", (2.5, 9.8)),
+        ("jump", (2.0, 4.0)),
+        ("jump three times", None),
+        ("walk forward, then sit down", None),
+        ("walks and salutes", (2.5, 9.8)),
+        ("stand still", None),
+    ],
+)
+def test_a_single_act_has_a_usual_range(prompt: str, expected: tuple[float, float] | None) -> None:
+    assert usual_range(prompt) == expected

@@ -1,6 +1,6 @@
 """Clean-up of generated motion, NumPy only.
 
-    turn  →  smoothing  →  bone lengths  →  floor  →  contacts  →  foot lock  →  root motion
+    timing  →  turn  →  smoothing  →  bone lengths  →  floor  →  contacts  →  foot lock  →  path
 
 `clean` takes the steps in this order; each is a function from joints to joints that can be used
 and measured alone (`benchmarks/quality/cleanup.py`).

@@ -1,8 +1,9 @@
-"""Floor: standing feet are at height 0, and a lying body neither sinks in nor hovers.
+"""Floor: standing feet are at height 0, and no body sinks in or hovers.
 
 1. The whole motion is shifted by one number if the feet of an upright body stand far from 0.
-2. Where the body lies (pelvis low) and its lowest joint hovers for longer than any jump lasts, it
-   is lowered.
+2. Where the lowest joint hovers for longer than any jump lasts, the body is lowered. A body that
+   lies (pelvis low) may hover a little, for its flesh; one that does not and is as high as a step
+   of stairs stands on something, if it began lower.
 3. Where the body is below the floor, it is lifted; feet are lifted by their own legs, hands by
    their arms. A jump, a ladder, a flight of stairs are left as they are.
 """
@@ -16,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import quantile
-from latentmotion.cleanup.contacts import velocity
+from latentmotion.cleanup.contacts import ramp, velocity
 from latentmotion.cleanup.leg_ik import reach
 from latentmotion.cleanup.smoothing import gaussian, upper_envelope
 from latentmotion.kinematics.skeleton import Skeleton
@@ -34,6 +35,9 @@ class Floor:
     """Heights of the pelvis, meters, below which a body lies and above which it does not."""
     hover: float = 0.1
     """Meters that the lowest joint of a lying body may be above the floor, for its flesh."""
+    step: tuple[float, float] = (0.12, 0.17)
+    """Meters that the lowest joint of another body may be above the floor: below the first it
+    hovers, above the second it stands on something."""
     longest_jump: float = 1.2
     """Seconds that a body may be in the air."""
     sink: float = 0.04
@@ -64,15 +68,18 @@ def align_floor(
         level = level.reshape(lowest.shape[1:])
         shift = np.sign(level) * np.maximum(0, np.abs(level) - settings.tolerance)
         moved[..., 1] -= shift[..., None]
-    # 2. A lying body comes down by what it hovers for longer than a jump lasts.
+    # 2. A body comes down by what it hovers for longer than a jump lasts.
     lies = np.maximum(0, np.minimum(1, (high - moved[..., 0, 1]) / (high - low)))
-    if lies.any():
-        reach, last = min(round(settings.longest_jump * fps / 2), len(moved) - 1), len(moved) - 1
-        around = np.clip(np.arange(-reach, last + reach + 1), 0, last)
-        lowest = moved[..., 1].min(axis=-1)[around] - settings.hover
-        base = np.lib.stride_tricks.sliding_window_view(lowest, 2 * reach + 1, axis=0).min(axis=-1)
-        hover = np.maximum(0, gaussian(lies * np.maximum(0, base), 0.2 * fps))
-        moved[..., 1] -= hover[..., None]
+    reach, last = min(round(settings.longest_jump * fps / 2), len(moved) - 1), len(moved) - 1
+    around = np.clip(np.arange(-reach, last + reach + 1), 0, last)
+    lowest = moved[..., 1].min(axis=-1)[around]
+    base = np.lib.stride_tricks.sliding_window_view(lowest, 2 * reach + 1, axis=0).min(axis=-1)
+    climbed = np.logical_or.accumulate(moved[..., 1].min(axis=-1) < settings.step[0], axis=0)
+    stands_on = climbed * ramp(base, *settings.step)
+    hover = lies * np.maximum(0, base - settings.hover)
+    hover += (1 - lies) * (1 - stands_on) * np.maximum(0, base - settings.tolerance)
+    if hover.any():
+        moved[..., 1] -= np.maximum(0, gaussian(hover, 0.2 * fps))[..., None]
     # 3. What is below the floor is lifted.
     below = np.maximum(0, -moved[..., body, 1].min(axis=-1))
     if feet:

@@ -17,7 +17,8 @@ from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.loops import is_loop, rolled_up, turns_beside, unrolled
 from latentmotion.cleanup.seats import hold_seats
-from latentmotion.cleanup.smoothing import gaussian, smooth
+from latentmotion.cleanup.smoothing import gaussian, steadied
+from latentmotion.cleanup.timing import settled
 from latentmotion.cleanup.turning import exact_turns
 from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.errors import InputError
@@ -57,6 +58,8 @@ class CleanUp:
     motion shorter or longer."""
     exact_turn: bool = True
     """Turn by the degrees that the corrections say."""
+    settle: bool = True
+    """Let a generated motion come to rest where it idles and where it ends."""
     smooth: bool = True
     """Remove jitter."""
     bones: bool = True
@@ -70,7 +73,7 @@ class CleanUp:
     in_place: bool = False
     """Remove root motion along the floor, as game engines like it."""
     cutoff: float = 5.0
-    """Hertz up to which movement is kept; above, it counts as jitter."""
+    """Hertz up to which movement is kept in a motion that shakes; above, it counts as jitter."""
     contacts: Contacts = field(default_factory=Contacts)
     """Thresholds of a standing foot."""
     lock: FootLock = field(default_factory=FootLock)
@@ -134,6 +137,9 @@ def clean_batch(
         cleaned = clean_batch(whole, steps, exact)
         every = zip(cleaned, motions, beside, strict=True)
         return [rolled_up(after, before) if n else after for after, before, n in every]
+    if steps.settle:
+        pairs = zip(motions, corrections, strict=True)
+        motions = [_settled(motion) if one.settles else motion for motion, one in pairs]
     cleaned = _clean_alike(motions, steps, corrections)
     moving = replace(steps, in_place=False)  # repetitions are counted on the path
     recorded = [motion.recorded for motion in motions]
@@ -158,6 +164,11 @@ def clean_batch(
     ]
 
 
+def _settled(motion: Motion) -> Motion:
+    joints = settled(motion.joints.astype(np.float64), motion.fps)
+    return replace(motion, joints=joints.astype(np.float32))
+
+
 def _clean_alike(
     motions: Sequence[Motion], steps: CleanUp, corrections: Sequence[Corrections]
 ) -> list[Motion]:
@@ -180,7 +191,7 @@ def _clean_alike(
 def _cleaned(joints: Joints, motions: Sequence[Motion], steps: CleanUp) -> Joints:
     fps, skeleton = motions[0].fps, motions[0].skeleton
     if steps.smooth:
-        joints = keep_knee_direction(smooth(joints, fps, steps.cutoff), joints, skeleton)
+        joints = keep_knee_direction(steadied(joints, fps, steps.cutoff), joints, skeleton)
     if steps.bones:
         before, joints = joints, constant_bones(joints, fps, skeleton)
         moved = np.linalg.norm(joints - before, axis=-1)

@@ -5,6 +5,9 @@
 2g − g∗g keeps straight lines, parabolas and cubics unchanged, and so the peak of a kick; it falls
 to 3/4 of the amplitude where g falls to one half. Beyond its ends the motion is continued point
 symmetrically, so that the ends stay where they are.
+
+Impacts and quick gestures are above the cutoff, too, but now and then; jitter is always there.
+So a motion is smoothed as far as most of its poses shake, and one that doesn't shake is left alone.
 """
 
 from __future__ import annotations
@@ -26,6 +29,29 @@ def smooth(
     deviation = np.sqrt(np.log(2) / 2) / np.pi * fps / cutoff
     once = gaussian(values, deviation)
     return 2 * once - gaussian(once, deviation)
+
+
+_SHAKING = (0.0015, 0.0025)
+"""Meters above the cutoff, median of frames and joints, from which a motion shakes a little, and
+fully. Of recordings 90 in 100 have less than 1.5 mm, and generated motions; with noise of 2 mm a
+coordinate they have 1.3 to 2.2."""
+
+
+def steadied(
+    joints: Float[np.ndarray, "frames motions joints 3"], fps: float, cutoff: float
+) -> Float[np.ndarray, "frames motions joints 3"]:
+    """Smooths motions as far as they shake.
+
+    Args:
+        joints: Positions, meters.
+        fps: Frames per second.
+        cutoff: Hertz, as for `smooth`.
+    """
+    shaking = joints - smooth(joints, fps, cutoff)
+    level = np.median(np.sqrt((shaking**2).sum(axis=-1)), axis=(0, 2))
+    low, high = _SHAKING
+    share = np.clip((level - low) / (high - low), 0, 1)
+    return joints - share[:, None, None] * shaking
 
 
 def gaussian(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 from latentmotion.corrections import Corrections, Count, Turn
 from latentmotion.language.claims import SLIGHT, Claim
 from latentmotion.language.kinds import kinds, related
 from latentmotion.language.reading import request_of
-from latentmotion.language.words import listed, tokens_of
+from latentmotion.language.tables import data
+from latentmotion.language.words import listed, match, tokens_of
 
 
 def asked_exactly(prompt: str, any_length: bool) -> Corrections:
@@ -30,6 +31,23 @@ def asked_exactly(prompt: str, any_length: bool) -> Corrections:
     if not any_length or len(counts) != 1 or _is_vague(prompt):
         return Corrections(turn)
     return Corrections(turn, _count(counts[0], claims, prompt))
+
+
+def usual_range(prompt: str) -> tuple[float, float] | None:
+    """Returns how many seconds a motion of a prompt lasts at least and at most.
+
+    None where it names several acts, a count, or nothing of the table.
+    """
+    claims, tokens = request_of(prompt).claims, tokens_of(prompt)
+    if len(claims) > 1 or any(claim.count or claim.degrees for claim in claims):
+        return None
+    for row in data("acts.toml")["seconds"]:
+        named = any(claim.kind in row.get("kinds", ()) for claim in claims)
+        places = product(row.get("phrases", ()), range(len(tokens))) if not claims else ()
+        if named or any(match(phrase, tokens, at) for phrase, at in places):
+            least, most = row["range"]
+            return least, most
+    return None
 
 
 def _is_vague(prompt: str) -> bool:
