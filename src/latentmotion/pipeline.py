@@ -58,6 +58,7 @@ from latentmotion.engine.session import (
 )
 from latentmotion.errors import InputError, ModelError
 from latentmotion.language.request import asked_exactly
+from latentmotion.language.translation import in_english
 from latentmotion.model import card as cards
 from latentmotion.model.card import DEFAULT, ModelCard
 from latentmotion.model.config import Sampling
@@ -571,6 +572,9 @@ class MotionPipeline(PickledByFields):
         from latentmotion.control.goals import RootPath
         from latentmotion.control.path import path_seconds
 
+        if (translation := in_english(prompt)) is not None:
+            warnings.warn(str(translation), DoubtWarning, stacklevel=4)
+            prompt = translation.english
         fps = self.representation.fps
         if seconds is None:
             ends = [path_seconds(goal) for goal in goals if isinstance(goal, RootPath)]
@@ -589,18 +593,20 @@ class MotionPipeline(PickledByFields):
         return RawMotion(motion, goals=places, start=start)
 
     def read(self, prompt: str) -> Reading:
-        """Returns a prompt as the model reads it: corrected, and with what it does not know of it.
+        """Returns a prompt as the model reads it: in English, corrected, and with its doubts.
 
         Without clips of the training data nothing is known of that, so nothing is said.
         """
         clips = self.clip_starts
         if not self.card.condition.reads_text:
             return Reading(prompt)
+        translation = in_english(prompt)
+        sentence = translation.english if translation else prompt
         if clips is None:
-            return Reading.of(prompt)
+            return replace(Reading.of(sentence), translation=translation)
         with warnings.catch_warnings():  # of words that the denoiser need not read
             warnings.simplefilter("ignore", UnknownWordsWarning)
-            return clips.doubts.read(prompt)
+            return replace(clips.doubts.read(sentence), translation=translation)
 
     def _clip_starts(
         self,
