@@ -89,7 +89,7 @@ def test_an_agent_directs_searches_and_retargets(pipeline: MotionPipeline, tmp_p
         ("direct", {"scene": {"promt": "a person walks"}, "file": "walk.npz"}, "prompt"),
         (
             "direct",
-            {"scene": PATH | {"seconds": 0.6}, "file": "walk.npz"},
+            {"scene": PATH | {"path": {"points": [[0, 0], [1, 99]]}}, "file": "walk.npz"},
             "m/s",
         ),
     ],

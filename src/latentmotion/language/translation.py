@@ -24,6 +24,9 @@ _VERB_LAST = ("ja", "ko")
 _LEAST = 0.6
 """Share of a sentence that a language's entries cover, from which the sentence is of it."""
 
+_LONGEST = 300
+"""Characters of a sentence beyond which it is not read."""
+
 _TAKES_OBJECT = ("raises", "waves")
 """Acts that move a part of the body; others are done with it."""
 
@@ -58,23 +61,28 @@ class _Piece:
     length: int
 
 
+_Entries = dict[str, list[tuple[str, str, str]]]
+
+
 @cache
-def _table() -> dict[str, list[tuple[str, str, str]]]:
-    """Returns entries with their role and English by language, the longest first."""
+def _table() -> dict[str, _Entries]:
+    """Returns entries with their role and English, by language and first letter, longest first."""
     text = files("latentmotion.language").joinpath("languages.tsv").read_text(encoding="utf-8")
     header, *rows = [line.split("\t") for line in text.splitlines()]
-    found: dict[str, list[tuple[str, str, str]]] = {language: [] for language in header[2:]}
+    found: dict[str, _Entries] = {language: {} for language in header[2:]}
     for english, role, *cells in rows:
-        for language, cell in zip(found, cells, strict=True):
-            found[language] += [(entry, role, english) for entry in cell.split("|") if entry]
+        for entries, cell in zip(found.values(), cells, strict=True):
+            for entry in filter(None, cell.split("|")):
+                entries.setdefault(entry[0], []).append((entry, role, english))
     for entries in found.values():
-        entries.sort(key=lambda entry: len(entry[0]), reverse=True)
+        for same in entries.values():
+            same.sort(key=lambda entry: len(entry[0]), reverse=True)
     return found
 
 
 def in_english(sentence: str) -> Translation | None:
     """Returns a sentence of another language in English; None where it is English, or unknown."""
-    if mentions(tokens_of(sentence)):
+    if len(sentence) > _LONGEST or mentions(tokens_of(sentence)):
         return None
     plain = " ".join(sentence.lower().replace("’", "'").split()).strip(" .!?。！？")
     best: tuple[float, Translation] | None = None
@@ -98,7 +106,7 @@ def _pieces(text: str, language: str) -> Iterator[_Piece]:
                 yield _Piece("link", "then", 0)
             at += 1
             continue
-        for entry, role, english in _table()[language]:
+        for entry, role, english in _table()[language].get(text[at], ()):
             end = _end(entry, text, at, inside)
             if end:
                 yield _Piece(role, english, end - at)

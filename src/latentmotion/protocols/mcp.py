@@ -207,7 +207,8 @@ def server(pipeline: MotionPipeline, folder: Path) -> MCPServer:
         log_level="WARNING",
     )
     for name in ("generate", "direct", "describe", "search", "retarget", "render"):
-        made.add_tool(_told(getattr(tools, name)), name=name)
+        # Only a search is structured: pictures are not JSON.
+        made.add_tool(_told(getattr(tools, name)), name=name, structured_output=name == "search")
     made.resource(
         "latentmotion://scene.schema.json", name="scene", mime_type="application/schema+json"
     )(lambda: SCHEMA_FILE.read_text(encoding="utf-8"))

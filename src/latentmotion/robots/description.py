@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -60,10 +62,22 @@ class Link:
     """A point of the axis in the link."""
     limits: tuple[float, float] = (-np.pi, np.pi)
     """Least and greatest angle, radians."""
-    points: Float[np.ndarray, "points 3"] = field(default_factory=lambda: np.zeros((0, 3)))
-    """Corners of its shapes."""
+    shapes: tuple[Callable[[], np.ndarray], ...] = ()
+    """Each returns the corners of a shape, of which meshes are read only then."""
     center: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.zeros(3))
     """Its center of mass."""
+
+    @cached_property
+    def points(self) -> Float[np.ndarray, "points 3"]:
+        """Corners of its shapes.
+
+        Raises:
+            InputError: A mesh is damaged.
+        """
+        try:
+            return np.concatenate([np.zeros((0, 3)), *(shape() for shape in self.shapes)])
+        except (ValueError, KeyError, IndexError) as error:
+            raise InputError(f"a shape of the link after {self.hinge!r}: {error}") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,15 +245,15 @@ class _Mujoco:
         offset, rotation = _numbers(body.get("pos"), "0 0 0"), self._rotation(dict(body.attrib))
         if parent < 0:
             offset, rotation = np.zeros(3), np.eye(3)
-        geoms = [self._points(self._full(geom, kind)) for geom in body.findall("geom")]
+        geoms = [partial(self._points, self._full(geom, kind)) for geom in body.findall("geom")]
         inertial = body.find("inertial")
-        shape = {"points": np.concatenate([np.zeros((0, 3)), *geoms])}
+        shape: dict[str, Any] = {"shapes": tuple(geoms)}
         if inertial is not None:
             shape["center"] = _numbers(inertial.get("pos"), "0 0 0")
         hinges = [self._full(joint, kind) for joint in body.findall("joint")]
         hinges = [h for h in hinges if h.get("type", "hinge") == "hinge"] if parent >= 0 else []
         for number, hinge in enumerate(hinges or [{}]):
-            turns = {}
+            turns: dict[str, Any] = {}
             if hinge:
                 turns = {
                     "hinge": hinge.get("name", f"hinge{self.count}"),
@@ -331,7 +345,7 @@ def _urdf(root: ET.Element, source: Path) -> Iterator[Link]:
     number = 0
     while queue:
         name, parent, joint = queue.pop(0)
-        turns = {}
+        turns: dict[str, Any] = {}
         offset, rotation = np.zeros(3), np.eye(3)
         if joint is not None:
             offset, rotation = _origin(joint)
@@ -347,11 +361,11 @@ def _urdf(root: ET.Element, source: Path) -> Iterator[Link]:
                 "limits": (low, high),
             }
         shapes = links[name].findall("collision") or links[name].findall("visual")
-        points = [_urdf_points(shape, source.parent) for shape in shapes]
+        points = tuple(partial(_urdf_points, shape, source.parent) for shape in shapes)
         inertial = links[name].find("inertial")
         center = np.zeros(3) if inertial is None else _origin(inertial)[0]
         yield Link(
-            parent, offset, rotation, points=np.concatenate([np.zeros((0, 3)), *points]),
+            parent, offset, rotation, shapes=points,
             center=center, **turns,
         )  # fmt: skip
         after = [(_attribute(one, "child", "link"), number, one) for one in below.get(name, [])]
