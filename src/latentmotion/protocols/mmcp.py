@@ -167,7 +167,11 @@ class Stage:
         }
         moved = np.stack(places)
         return MotionResult(
-            np.stack(rotations), moved[:, :, 0], translations=moved, foot_contacts=stands
+            np.stack(rotations),
+            moved[:, :, 0],
+            translations=moved,
+            foot_contacts=stands,
+            trajectories=[None] * len(motions) if frames == 1 else None,  # a pose has no path
         )
 
 
