@@ -35,7 +35,7 @@ from latentmotion.storage.files import atomic_file
 ENDINGS = (".csv", ".npz")
 """Files that motions of robots are written to."""
 
-_STEPS, _SMOOTH_FROM = 9, 4
+_STEPS, _SMOOTH_FROM = 6, 3
 """Gauss-Newton steps, and the one from which neighbors in time count."""
 
 _STILL = 0.003
@@ -170,13 +170,14 @@ class _Body:
             self.levels[len(line) - 1].append(number)
         self.links = [links[link] for link in kept]
         self.parents = np.array([self.number.get(link.parent, -1) for link in self.links])
-        self.offsets = np.array([link.offset for link in self.links])
         self.bases = np.array([link.rotation for link in self.links])
         self.anchors = np.array([link.anchor for link in self.links])
-        self.axes = np.array([link.axis for link in self.links])
-        x, y, z = self.axes.T
+        x, y, z = np.array([link.axis for link in self.links]).T
         zero = np.zeros_like(x)
         self.skew = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+        self.by_sine, self.by_cosine = self.bases @ self.skew, self.bases @ self.skew @ self.skew
+        offsets = np.array([link.offset for link in self.links])
+        self.shifts = offsets + (self.bases @ self.anchors[..., None])[..., 0]
         self.rest = self.forward(np.zeros((1, len(active))))
         self._find_landmarks()
 
@@ -236,10 +237,8 @@ class _Body:
         angles = np.zeros((len(q), len(self.parents)))
         angles[:, self.active] = q
         sine, cosine = np.sin(angles)[..., None, None], 1 - np.cos(angles)[..., None, None]
-        turns = np.eye(3) + sine * self.skew + cosine * (self.skew @ self.skew)
-        shifts = self.anchors - np.einsum("tlab,lb->tla", turns, self.anchors)
-        local = self.bases @ turns
-        shifts = self.offsets + np.einsum("lab,tlb->tla", self.bases, shifts)
+        local = self.bases + sine * self.by_sine + cosine * self.by_cosine
+        shifts = self.shifts - (local @ self.anchors[..., None])[..., 0]
         rotations, positions = np.empty_like(local), np.empty_like(shifts)
         rotations[:, 0], positions[:, 0] = local[:, 0], shifts[:, 0]
         for level in self.levels[1:]:
@@ -308,62 +307,46 @@ class _Body:
     ) -> tuple[Float[np.ndarray, "frames hinges"], float]:
         bones = [pair for pair in wanted if "ankle" not in pair[1]]
         names = list(self.points)
-        links = np.array([self.points[name][0] for name in names])
-        local = np.array([self.points[name][1] for name in names])
-        begin, end = (np.array([names.index(pair[i]) for pair in bones]) for i in (0, 1))
-        ankle = np.array([names.index(f"{side}_ankle") for side in SIDES])
-        weights = np.array([_THIGH if "knee" in pair[1] else _ARM for pair in bones])
-        vector_links = np.array([link for link, _ in self.vectors])
-        vectors = np.array([vector for _, vector in self.vectors])
-        goal = np.concatenate(
-            [
-                _ANKLE * np.stack(ankles, 1),
-                weights[:, None] * np.stack([wanted[pair] for pair in bones], 1),
-                _AXIS * np.stack(axes, 1),
-            ],
-            axis=1,
-        )
+        # Everything compared is a weighted sum of points and, after them, of vectors.
+        marks = [*self.points.values(), *self.vectors]
+        links, local = np.array([link for link, _ in marks]), np.array([at for _, at in marks])
+        is_point = (np.arange(len(marks)) < len(names))[:, None].astype(float)
+        compared = np.zeros((2 + len(bones) + 4, len(marks)))
+        for row, side in enumerate(SIDES):
+            compared[row, names.index(f"{side}_ankle")] = _ANKLE
+        for row, (begin, end) in enumerate(bones, 2):
+            weight = _THIGH if "knee" in end else _ARM
+            compared[row, [names.index(begin), names.index(end)]] = -weight, weight
+        compared[-4:, len(names) : len(names) + 4] = _AXIS * np.eye(4)
+        wanted_all = [*ankles, *(wanted[pair] for pair in bones), *axes]
+        scales = np.abs(compared).max(axis=1)
+        goal = np.stack([scale * one for scale, one in zip(scales, wanted_all, strict=True)], -1)
+        moves = self.moves[links].T[:, None]
         q = np.tile(np.clip(np.zeros(len(self.active)), self.low, self.high), (len(up), 1))
         further = np.where(-self.low > self.high, -_BENT, _BENT)
         q[:, self.bends] = np.clip(further, self.low, self.high)[self.bends]
-        error = np.zeros((len(up), 2, 3))
+        error = np.zeros((len(up), 3, 2))
         for step in range(_STEPS):
             rotations, positions = self.forward(q)
             hinge = rotations[:, self.active]
-            axis = (hinge @ self.axes[self.active][..., None])[..., 0]
-            anchor = (
-                positions[:, self.active] + (hinge @ self.anchors[self.active][..., None])[..., 0]
+            # R [a]× Rᵀ = [R a]×: what a turn about each axis does to a vector.
+            turning = hinge @ self.skew[self.active] @ np.swapaxes(hinge, -1, -2)
+            anchors = (
+                positions[:, self.active, :, None] + hinge @ self.anchors[self.active][..., None]
             )
-            points = positions[:, links] + (rotations[:, links] @ local[..., None])[..., 0]
-            turned = (rotations[:, vector_links] @ vectors[..., None])[..., 0]
-            arms = points[:, :, None] - anchor[:, None]
-            by_point = np.cross(axis[:, None], arms) * self.moves[links][..., None]
-            by_vector = np.cross(axis[:, None], turned[:, :, None])
-            by_vector *= self.moves[vector_links][..., None]
-            now = np.concatenate(
-                [
-                    _ANKLE * points[:, ankle],
-                    weights[:, None] * (points[:, end] - points[:, begin]),
-                    _AXIS * turned[:, :4],
-                ],
-                axis=1,
-            )
-            slope = np.concatenate(
-                [
-                    _ANKLE * by_point[:, ankle],
-                    weights[:, None, None] * (by_point[:, end] - by_point[:, begin]),
-                    _AXIS * by_vector[:, :4],
-                ],
-                axis=1,
-            )
-            level = _LEVEL * np.einsum("tva,ta->tv", turned[:, 4:], up)
-            tilt = _LEVEL * np.einsum("tvja,ta->tvj", by_vector[:, 4:], up)
-            error = (now - goal)[:, :2] / _ANKLE
-            rows = np.swapaxes(slope, 2, 3).reshape(len(q), -1, q.shape[1])
-            rows = np.concatenate([rows, tilt], axis=1)
-            residual = np.concatenate([(now - goal).reshape(len(q), -1), level], axis=1)
-            columns = np.swapaxes(rows, 1, 2)
-            matrix = columns @ rows
+            now = (rotations[:, links] @ local[..., None])[..., 0] + positions[:, links] * is_point
+            now = np.swapaxes(now, 1, 2)
+            slope = turning @ now[:, None] - (turning @ anchors) * is_point[:, 0]
+            slope *= moves
+            level = _LEVEL * np.einsum("tav,ta->tv", now[..., -2:], up)
+            tilt = _LEVEL * np.einsum("tjav,ta->tjv", slope[..., -2:], up)
+            gap = now @ compared.T - goal
+            error = gap[..., :2] / _ANKLE
+            columns = slope.reshape(-1, len(marks)) @ compared.T
+            columns = columns.reshape(*slope.shape[:2], -1)
+            columns = np.concatenate([columns, tilt], axis=-1)
+            residual = np.concatenate([gap.reshape(len(q), -1), level], axis=-1)
+            matrix = columns @ np.swapaxes(columns, 1, 2)
             gradient = (columns @ residual[..., None])[..., 0] + _ZERO**2 * q
             diagonal = np.full(q.shape[1], _ZERO**2)
             if step >= _SMOOTH_FROM:
@@ -377,7 +360,7 @@ class _Body:
             before, q = q, np.clip(q - np.clip(moved, -1, 1), self.low, self.high)
             if step > _SMOOTH_FROM and np.abs(q - before).max() < _STILL:
                 break
-        return q, float(np.linalg.norm(error, axis=-1).mean())
+        return q, float(np.linalg.norm(error, axis=1).mean())
 
 
 @lru_cache(8)
