@@ -21,7 +21,7 @@ def main(sentence: str, port: str = "8080", turns: str = "1000000") -> None:
     pairs = [pair for pair in zip(motion.skeleton.parents, range(22), strict=True) if pair[0] >= 0]
     bones = motion.joints[:, np.array(pairs)]
     red = np.full((*bones.shape[1:3], 3), (220, 60, 40), np.uint8)
-    figure = server.scene.add_line_segments("/person", bones[0], colors=red, line_width=6)
+    figure = server.scene.add_line_segments("/person", bones[0], colors=red)
     for _ in range(int(turns)):
         for frame in bones:
             figure.points = frame

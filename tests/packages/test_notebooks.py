@@ -27,6 +27,7 @@ def example(name: str, package: str, install: str = "") -> ModuleType:
     return importlib.import_module(f"examples.{name}")
 
 
+@pytest.mark.filterwarnings("ignore")  # of gradio's own event loop
 def test_gradio_answers_its_own_client_with_a_character() -> None:
     gradio_app = example("gradio_app", "gradio")
     from gradio_client import Client
@@ -64,7 +65,10 @@ def test_viser_serves_the_moving_figure() -> None:
     assert b"<html" in page.lower()
 
 
-def test_a_pack_becomes_a_dataset_and_parquet(tmp_path: Path) -> None:
+def test_a_pack_becomes_a_dataset_and_parquet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LATENTMOTION_CACHE", str(tmp_path))  # where it is unpacked
     tables = example("tables", "datasets")
     file = tmp_path / "clips.parquet"
     tables.main(str(ROOT / "data/starter.pack"), str(file), "val", "3")

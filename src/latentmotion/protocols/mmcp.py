@@ -200,6 +200,7 @@ class LatentMotionBackbone(Backbone):
                 parent=None if parent < 0 else HUMANML3D.names[parent],
                 rest_translation=tuple(map(float, offset)),
                 rest_rotation=(0.0, 0.0, 0.0, 1.0),
+                display_name=None,
             )
             for name, parent, offset in zip(
                 HUMANML3D.names, HUMANML3D.parents, offsets, strict=True
@@ -219,7 +220,7 @@ class LatentMotionBackbone(Backbone):
             predicted_contact_joints=feet,
             model_options=[_TAKES],
             chunking="stitched",
-            limits=Limits(max_duration_seconds=min(LONGEST, 60.0)),
+            limits=Limits.model_validate({"max_duration_seconds": min(LONGEST, 60.0)}),
         )
 
     def generate(self, request: GenerateRequest) -> MotionResult:
@@ -232,7 +233,7 @@ class LatentMotionBackbone(Backbone):
             with warnings.catch_warnings(record=True) as doubts:
                 warnings.simplefilter("always")
                 stage = Stage.of(request.skeleton)
-                options = request.options or schemas.Options()
+                options = request.options or _OPTIONS
                 first = 0 if options.seed is None else options.seed
                 fps = request.fps(self.pipeline.representation.fps)
                 seeds = range(first, first + options.num_samples)
@@ -245,7 +246,7 @@ class LatentMotionBackbone(Backbone):
         return result
 
     def _motion(self, request: GenerateRequest, stage: Stage, seed: int, fps: float) -> Motion:
-        options = request.options or schemas.Options()
+        options = request.options or _OPTIONS
         guidance = (
             options.guidance.weight[0] if options.guidance and options.guidance.weight else None
         )
@@ -329,14 +330,19 @@ class LatentMotionBackbone(Backbone):
 _ANYTHING = "a person walks"
 """Prompt of a request or a segment that has none."""
 
-_TAKES = schemas.ModelOption(
-    name="takes",
-    type="integer",
-    title="Takes",
-    description="Motions of which the best is returned; 1 is the fastest.",
-    default=4,
-    minimum=1,
-    maximum=16,
+_OPTIONS = schemas.Options.model_validate({})
+"""Options of a request without any."""
+
+_TAKES = schemas.ModelOption.model_validate(
+    {
+        "name": "takes",
+        "type": "integer",
+        "title": "Takes",
+        "description": "Motions of which the best is returned; 1 is the fastest.",
+        "default": 4,
+        "minimum": 1,
+        "maximum": 16,
+    }
 )
 """The number of takes, which MMCP has no word for."""
 

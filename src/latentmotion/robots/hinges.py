@@ -196,7 +196,7 @@ class _Body:
             self.points[f"{side}_wrist"] = (last, local)
         place = {name: self.place(self.rest, name)[0] for name in self.points}
         left = place["left_hip"] - place["right_hip"]
-        down = sum(place[f"{side}_ankle"] - place[f"{side}_hip"] for side in SIDES)
+        down = np.sum([place[f"{side}_ankle"] - place[f"{side}_hip"] for side in SIDES], axis=0)
         nearest = [np.eye(3)[i] * np.sign(v[i]) for v in (left, -down) for i in [abs(v).argmax()]]
         self.base = np.stack([np.cross(*nearest), *nearest], axis=1)  # ahead, left, up
         self.hips = (place["left_hip"] + place["right_hip"]) / 2
