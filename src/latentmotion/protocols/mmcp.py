@@ -198,7 +198,7 @@ class LatentMotionBackbone(Backbone):
             schemas.Joint(
                 name=name,
                 parent=None if parent < 0 else HUMANML3D.names[parent],
-                rest_translation=tuple(map(float, offset)),
+                rest_translation=(float(offset[0]), float(offset[1]), float(offset[2])),
                 rest_rotation=(0.0, 0.0, 0.0, 1.0),
                 display_name=None,
             )
