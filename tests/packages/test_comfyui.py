@@ -48,9 +48,9 @@ def nodes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
     return module
 
 
-def run(nodes: ModuleType, name: str, **given: Any) -> Any:
+def run(nodes: ModuleType, node: str, /, **given: Any) -> Any:
     """Runs a node as ComfyUI does: defaults of widgets, its function, a tuple of its types."""
-    cls = nodes.NODE_CLASS_MAPPINGS[f"LatentMotion{name}"]
+    cls = nodes.NODE_CLASS_MAPPINGS[f"LatentMotion{node}"]
     inputs = cls.INPUT_TYPES()["required"]
     values = {
         key: kind[1]["default"]
