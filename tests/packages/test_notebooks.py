@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from huggingface_hub import ModelCard
 
+from latentmotion import Dataset
 from latentmotion.model.card import read_card
 from latentmotion.model.readme import readme
 
@@ -65,21 +66,20 @@ def test_viser_serves_the_moving_figure() -> None:
     assert b"<html" in page.lower()
 
 
-def test_a_pack_becomes_a_dataset_and_parquet(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("LATENTMOTION_CACHE", str(tmp_path))  # where it is unpacked
+def test_prepared_clips_become_a_dataset_and_parquet(figures: Path, tmp_path: Path) -> None:
     tables = example("tables", "datasets")
-    file = tmp_path / "clips.parquet"
-    tables.main(str(ROOT / "data/starter.pack"), str(file), "val", "3")
     import datasets
-    import pandas
 
+    pandas = pytest.importorskip("pandas", reason="needs pandas: pip install pandas")
+    file = tmp_path / "clips.parquet"
+    tables.main(str(figures), str(file), "train", "3")
     frame = pandas.read_parquet(file)
     assert list(frame) == ["clip", "captions", "fps", "joints"] and len(frame) == 3
     table = datasets.Dataset.from_parquet(str(file), cache_dir=str(tmp_path)).with_format("numpy")
-    joints = np.array(table[0]["joints"])
-    assert joints.shape[1:] == (22, 3) and 0.5 < joints[:, 0, 1].mean() < 1.3
+    data = Dataset.load(figures)
+    for row, clip in zip(table, data.clips("train"), strict=False):
+        expected = data.representation.decode(data.features(clip))
+        assert np.allclose(row["joints"], expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["fast", "starter"])
