@@ -525,7 +525,9 @@ class MotionPipeline(PickledByFields):
                 for one in zip(prompts, lengths, seeds, wanted, strict=True)
             ]
         readings = {prompt: self.read(prompt) for prompt in dict.fromkeys(prompts)}
-        for note in dict.fromkeys(note for one in readings.values() for note in one.notes()):
+        translated = {prompt: str(one) for prompt in readings if (one := in_english(prompt))}
+        said = [note for one in readings.values() for note in one.notes()]
+        for note in dict.fromkeys([*translated.values(), *said]):
             warnings.warn(note, DoubtWarning, stacklevel=3)
         sentences = [readings[prompt].prompt for prompt in prompts]
         lengths = requests.each(seconds, len(prompts))
@@ -553,6 +555,8 @@ class MotionPipeline(PickledByFields):
         ):
             about = {"model": card.name, "seed": seed, **settings, **correction.about()}
             about |= readings[prompt].about() | (start.about() if start else {})
+            if prompt in translated:
+                about["notes"] = [translated[prompt], *about.get("notes", [])]
             positions = positions.astype(np.float32, copy=False)
             motion = Motion(positions, space.fps, space.skeleton, prompt, about)
             raw.append(RawMotion(motion, correction, start=start, reading=readings[prompt]))
@@ -603,10 +607,10 @@ class MotionPipeline(PickledByFields):
         translation = in_english(prompt)
         sentence = translation.english if translation else prompt
         if clips is None:
-            return replace(Reading.of(sentence), translation=translation)
+            return Reading.of(sentence)
         with warnings.catch_warnings():  # of words that the denoiser need not read
             warnings.simplefilter("ignore", UnknownWordsWarning)
-            return replace(clips.doubts.read(sentence), translation=translation)
+            return clips.doubts.read(sentence)
 
     def _clip_starts(
         self,

@@ -17,7 +17,6 @@ from typing import Any
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.language.negation import affirmed
-from latentmotion.language.translation import Translation
 from latentmotion.language.words import ENDINGS, parts_of, with_words, words_of
 from latentmotion.retrieval.index import ClipIndex
 from latentmotion.retrieval.wordings import in_words_of_captions
@@ -75,8 +74,6 @@ class Reading:
     """What the model does not know of it."""
     caption: str | None = None
     """The sentence in words of captions, where its own are far from them."""
-    translation: Translation | None = None
-    """How it was understood, where it was in another language."""
 
     @property
     def prompt(self) -> str:
@@ -85,8 +82,7 @@ class Reading:
 
     def notes(self) -> list[str]:
         """Returns what to tell whoever typed it, a line each."""
-        read = [str(self.translation)] if self.translation else []
-        read += [f'read "{wrong}" as "{right}"' for wrong, right in self.corrections]
+        read = [f'read "{wrong}" as "{right}"' for wrong, right in self.corrections]
         if self.negated:
             read.append(f'read as "{self.sentence}": what is not to happen is left out')
         return [*read, str(self.doubt)] if self.doubt else read
