@@ -137,6 +137,7 @@ def check_command(words: list[str]) -> None:
             "docker",
             "openssl",
             "blender",
+            "claude",
         )
         assert program in others, words
 

@@ -40,7 +40,7 @@ def run(name: str, *words: object) -> None:
 def test_an_example_is_short_and_says_how_it_is_run(path: Path) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()
     assert len(lines) < (OF_RESEARCH if path.stem in ("own_networks", "own_parts") else LINES)
-    assert any(line.startswith(f"python examples/{path.name} ") for line in lines)
+    assert any(line.startswith(f"python examples/{path.name}") for line in lines)
 
 
 def test_sentences_become_files(tmp_path: Path) -> None:

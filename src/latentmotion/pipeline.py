@@ -58,6 +58,7 @@ from latentmotion.engine.session import (
 )
 from latentmotion.errors import InputError, ModelError
 from latentmotion.language.request import asked_exactly, usual_range
+from latentmotion.language.translation import in_english
 from latentmotion.model import card as cards
 from latentmotion.model.card import DEFAULT, ModelCard
 from latentmotion.model.config import Sampling
@@ -524,7 +525,9 @@ class MotionPipeline(PickledByFields):
                 for one in zip(prompts, lengths, seeds, wanted, strict=True)
             ]
         readings = {prompt: self.read(prompt) for prompt in dict.fromkeys(prompts)}
-        for note in dict.fromkeys(note for one in readings.values() for note in one.notes()):
+        translated = {prompt: str(one) for prompt in readings if (one := in_english(prompt))}
+        said = [note for one in readings.values() for note in one.notes()]
+        for note in dict.fromkeys([*translated.values(), *said]):
             warnings.warn(note, DoubtWarning, stacklevel=3)
         sentences = [readings[prompt].prompt for prompt in prompts]
         lengths = requests.each(seconds, len(prompts))
@@ -553,6 +556,8 @@ class MotionPipeline(PickledByFields):
         ):
             about = {"model": card.name, "seed": seed, **settings, **correction.about()}
             about |= readings[prompt].about() | (start.about() if start else {})
+            if prompt in translated:
+                about["notes"] = [translated[prompt], *about.get("notes", [])]
             positions = positions.astype(np.float32, copy=False)
             motion = Motion(positions, space.fps, space.skeleton, prompt, about)
             raw.append(RawMotion(motion, correction, start=start, reading=readings[prompt]))
@@ -572,6 +577,9 @@ class MotionPipeline(PickledByFields):
         from latentmotion.control.goals import RootPath
         from latentmotion.control.path import path_seconds
 
+        if (translation := in_english(prompt)) is not None:
+            warnings.warn(str(translation), DoubtWarning, stacklevel=4)
+            prompt = translation.english
         fps = self.representation.fps
         if seconds is None:
             ends = [path_seconds(goal) for goal in goals if isinstance(goal, RootPath)]
@@ -590,18 +598,20 @@ class MotionPipeline(PickledByFields):
         return RawMotion(motion, goals=places, start=start)
 
     def read(self, prompt: str) -> Reading:
-        """Returns a prompt as the model reads it: corrected, and with what it does not know of it.
+        """Returns a prompt as the model reads it: in English, corrected, and with its doubts.
 
         Without clips of the training data nothing is known of that, so nothing is said.
         """
         clips = self.clip_starts
         if not self.card.condition.reads_text:
             return Reading(prompt)
+        translation = in_english(prompt)
+        sentence = translation.english if translation else prompt
         if clips is None:
-            return Reading.of(prompt)
+            return Reading.of(sentence)
         with warnings.catch_warnings():  # of words that the denoiser need not read
             warnings.simplefilter("ignore", UnknownWordsWarning)
-            return clips.doubts.read(prompt)
+            return clips.doubts.read(sentence)
 
     def _clip_starts(
         self,

@@ -90,6 +90,8 @@ VERBS = {
         "experiment:FillDocument", "Insert finished tables into a document."
     ),
     "serve": Verb("serve:Serve", "Serve motions over HTTP and WebSocket."),
+    "mcp": Verb("protocols:Mcp", "Serve an agent's tools over MCP."),
+    "mmcp": Verb("protocols:Mmcp", "Serve animation programs over MMCP."),
     "completion": Verb("completion:Completion", "Print what a shell needs to complete words."),
     "studio": Verb("studio:Studio", "Make, direct and export motions on a page of this machine."),
     "study make": Verb("study:MakeStudy", "Make a page to compare two models, blind."),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from latentmotion import robots
 from latentmotion.blender.build import build_zip, own_command
 from latentmotion.cleanup.changes import floor_under
 from latentmotion.cli import options
@@ -27,18 +28,18 @@ class Retarget(options.MotionOptions):
 
     The joint names of Mixamo, Unreal, Unity, VRM, Rigify, Daz, Character Creator, Biped, Xsens,
     OptiTrack, Rokoko, ARKit, CMU and SMPL are known; draft a joint map for others. FBX goes
-    through your Blender.
+    through your Blender. Robots: MuJoCo's .xml or .urdf, to .csv or .npz of their hinges' angles.
 
     Example: latentmotion retarget walk.npz --to character.glb -o walking.glb
     """
 
     to: Path
-    """The character: .glb, .gltf, .vrm, .fbx, .bvh or .asf."""
+    """The character: .glb, .gltf, .vrm, .fbx, .bvh or .asf; or a robot: .xml or .urdf."""
     files: options.Files = ()
     """Motion files; each motion in them becomes an animation."""
     output: options.OptionalOutput = None
     """File to write: .glb, .gltf or .fbx for the character with the animations added, .bvh for its
-    skeleton (one file per motion)."""
+    skeleton (one file per motion); .csv or .npz for a robot."""
     draft_map: options.DraftMapFile = None
     root_motion: transfer.RootMotion = "pelvis"
     """What the path along the floor moves: the pelvis, the root bone of a rig that has one above
@@ -60,6 +61,9 @@ class Retarget(options.MotionOptions):
         if self.output_fps is not None:
             check_fps(self.output_fps)
         check_writable(self.output)
+        if self.to.suffix.lower() in (".xml", ".urdf"):
+            self._to_robot(self.output)
+            return
         rig = read_rig(self.to, stated=self.stated())
         transfer.check_output(rig, self.output)
         if self.root_motion == "root":
@@ -79,6 +83,22 @@ class Retarget(options.MotionOptions):
         print("\n".join(f"wrote {path}" for path in written))
         for motion, animation in zip(motions, moving, strict=True):
             print(_figures(rig, motion, animation))
+
+    def _to_robot(self, output: Path) -> None:
+        robot = robots.read_robot(self.to)
+        robots.check_output(output)
+        print(f"{self.to}: {len(robot.hinges)} hinges: {', '.join(robot.hinges)}")
+        motions = [motion for file in self.files for motion in self.load(file)]
+        moving = [
+            robots.retarget(motion.resampled(self.output_fps or motion.fps), robot)
+            for motion in motions
+        ]
+        for path, one in zip(robots.write(output, moving), moving, strict=True):
+            print(
+                f"wrote {path}: {len(one.angles)} frames at {one.fps:g} per second, "
+                f"{one.violations} angles beyond their limits, ankles {100 * one.missed:.1f} cm "
+                f"off, fastest hinge {one.fastest:.1f} rad/s"
+            )
 
 
 def _figures(rig: Rig, motion: Motion, animation: Animation) -> str:

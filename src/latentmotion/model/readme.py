@@ -67,14 +67,17 @@ def readme(card: ModelCard) -> str:
 def _index(card: ModelCard) -> list[dict[str, Any]]:
     """Returns the hub's table of results; none for a model without figures."""
     evaluation = card.figures.get("evaluation", {})
-    data = str(evaluation.get("data", "the validation split of its training data"))
+    data = str(evaluation.get("data", ""))
     metrics = [
         {"type": name.rpartition(".")[2], "name": name, "value": value}
         for name, value in numbers(card.figures)
     ]
     result = {
         "task": {"type": PIPELINE, "name": "Motion generation"},
-        "dataset": {"type": data.partition(" ")[0], "name": data},
+        "dataset": {
+            "type": data.partition(" ")[0] or "motion-capture",
+            "name": data or "the validation split of its training data",
+        },
         "metrics": metrics,
     }
     return [{"name": card.name, "results": [result]}] if metrics else []

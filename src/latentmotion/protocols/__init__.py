@@ -1,0 +1,1 @@
+"""Protocols of other programs: MMCP for animation tools, MCP for agents."""
