@@ -22,8 +22,8 @@ def rows(pack: str, split: str, most: int) -> Iterator[dict]:
 
 def main(pack: str, output: str, split: str = "train", most: str = "100") -> None:
     """Writes the first clips of a split; pandas reads the file again."""
-    given = {"pack": pack, "split": split, "most": int(most)}
-    table = datasets.Dataset.from_generator(rows, gen_kwargs=given)
+    # Not from_generator, which would answer from its cache when the folder has changed.
+    table = datasets.Dataset.from_list(list(rows(pack, split, int(most))))
     table.to_parquet(output)
     print(f"wrote {output}: {table.num_rows} clips")
 
