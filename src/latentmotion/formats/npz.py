@@ -75,6 +75,15 @@ def read(path: str | Path) -> list[SkeletonTake] | list[Motion]:
         return smpl_results.read(path)
     if smpl_npz.is_smpl(names):
         return [smpl_npz.read_arrays(path, read_arrays(path, smpl_npz.KEYS))]
+    return read_motions(path)
+
+
+def read_motions(path: str | Path) -> list[Motion]:
+    """Reads the takes that `write` wrote.
+
+    Raises:
+        FileFormatError: The file is damaged, or holds something else.
+    """
     arrays = read_arrays(path, _KEYS)
     try:
         with blamed_on(path):

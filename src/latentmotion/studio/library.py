@@ -368,7 +368,7 @@ class Library:
         """
         path = self._motion_file(digest)
         try:
-            return npz.read(path)[0]
+            return npz.read_motions(path)[0]
         except (FileFormatError, IndexError) as error:
             problem = "is damaged" if path.is_file() else "is missing"
             raise MissingMotionError(

@@ -217,7 +217,7 @@ def _store_motions(library: Library, name: str, file: Path) -> list[StoredTake]:
     Raises:
         InputError: They are too many, or their joints are not those of the model.
     """
-    motions = npz.read(file)
+    motions = npz.read_motions(file)
     if len(motions) > MOST_IMPORTED:
         raise InputError(f"{name!r} has {len(motions)} motions, expected at most {MOST_IMPORTED}")
     names = motions[0].skeleton.names

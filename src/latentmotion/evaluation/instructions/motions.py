@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,7 @@ from jaxtyping import Float
 from latentmotion.cleanup import CleanUp
 from latentmotion.data.instructions import Instruction
 from latentmotion.data.recording import interpolate
+from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.errors import DataError, FileFormatError, InputError, ModelError
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.measure.facts import FPS
@@ -81,7 +83,8 @@ def generate_motions(
                 [seed for row in chosen for seed in row.seeds(takes)],
                 sampling.steps,
                 sampling.guidance,
-                sampling.sampler,
+                # Samplers of other packages have names that no type knows.
+                cast("SamplerName", sampling.sampler),
                 clean_up=CleanUp() if settings.clean else None,
             )
             joints = []
