@@ -14,6 +14,7 @@ from latentmotion.data.readme import README, readme
 from latentmotion.data.recording import Dropped, EncodedRecording, Recording
 from latentmotion.data.report import REPORT, Report, parts_of, read_report
 from latentmotion.data.store import (
+    Manifest,
     StoredClip,
     StoredMotion,
     StoredNormalizer,
@@ -25,7 +26,6 @@ from latentmotion.errors import DataError
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.interface import Normalizer, Representation
 from latentmotion.storage.configuration import write_json
-from latentmotion.storage.files import atomic_file
 
 MIN_FRAMES = 10
 """Shortest clip that is kept; half a second holds a hop, or one turn of the arms."""
@@ -143,13 +143,18 @@ class Preparation:
             normalizer = stored_normalizer(
                 fitted, f"{len(train)} train clips and their mirror images"
             )
-        manifest = write_dataset(folder, self.motions, sources, self.representation, normalizer)
-        report = Report(parts_of(manifest), tuple(self.dropped), self.round_trip_mm, notes)
-        write_json(Path(folder) / REPORT, report)
-        with atomic_file(Path(folder) / README) as page:
-            title = Path(folder).resolve().name
-            page.write_text(readme(manifest, report.parts, title), encoding="utf-8")
-        return report
+
+        def report_of(manifest: Manifest) -> Report:
+            dropped = tuple(self.dropped)
+            return Report(parts_of(manifest), dropped, self.round_trip_mm, notes)
+
+        def describe(place: Path, manifest: Manifest) -> None:
+            report, title = report_of(manifest), Path(folder).resolve().name
+            write_json(place / REPORT, report)
+            (place / README).write_text(readme(manifest, report.parts, title), encoding="utf-8")
+
+        settings = sources, self.representation, normalizer
+        return report_of(write_dataset(folder, self.motions, *settings, describe))
 
 
 def _named(ids: Sequence[str]) -> str:

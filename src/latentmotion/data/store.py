@@ -7,7 +7,7 @@ strictly.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -199,8 +199,17 @@ def write_dataset(
     sources: tuple[Source, ...],
     representation: Representation,
     normalizer: StoredNormalizer,
+    describe: Callable[[Path, Manifest], object] = lambda *_: None,
 ) -> Manifest:
     """Writes a prepared folder in place of what was there.
+
+    Args:
+        folder: The folder.
+        motions: Its motions.
+        sources: Their origins.
+        representation: Features of the motions.
+        normalizer: Statistics of the features.
+        describe: Writes further files into the folder before it takes its place.
 
     Raises:
         DataError: There is no motion, or two have the same name.
@@ -241,6 +250,7 @@ def write_dataset(
             clips=tuple(clips),
         )
         write_json(temporary / MANIFEST, manifest)
+        describe(temporary, manifest)
     return manifest
 
 
