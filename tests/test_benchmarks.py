@@ -6,6 +6,7 @@ import asyncio
 import os
 import re
 import shutil
+import subprocess
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -26,6 +27,7 @@ from benchmarks.generation import (
     files,
     first_motion,
     growth,
+    livez,
     render,
     soak,
     speed,
@@ -200,6 +202,27 @@ def test_killed_trainings_are_counted(monkeypatch, capsys, tmp_path, differs):
     told = re.search(r"(\d+) kills in (\d+) runs; (\d+) of them differ", capsys.readouterr().out)
     killed, runs, different = map(int, told.groups())
     assert killed >= 2 and runs >= 1 and different == runs * differs
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs fork")
+def test_killed_commands_are_counted(tmp_path):
+    root = Path(__file__).parents[1]
+    words = [sys.executable, "-m", "benchmarks.generation.kills", "--kills", "2", "--only", "files"]
+    paths = {"PYTHONPATH": f"{root}{os.pathsep}{root / 'src'}"}
+    told = subprocess.run(
+        words, cwd=tmp_path, env=os.environ | paths, check=True, capture_output=True, text=True
+    ).stdout
+    kills, checked, problems = map(int, rows(told)["files"])
+    assert kills == 2 and checked >= 10 and problems == 0
+
+
+def test_health_checks_are_compared_with_a_bare_server(capsys):
+    livez.main(["--seconds", "1", "--idle", "30"])
+    told = rows(capsys.readouterr().out)
+    names = ("the service", "a bare server", "ratio")
+    (_, median, p99, most), (_, bare, *_), (ratio, *_) = (numbers(told[name]) for name in names)
+    assert 0 < median <= p99 <= most
+    assert ratio == pytest.approx(median / bare, rel=0.05)
 
 
 def test_a_process_tells_its_peak_of_memory():
