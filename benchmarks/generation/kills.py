@@ -38,7 +38,6 @@ from benchmarks.harness.replicas import free_port
 from latentmotion import formats
 from latentmotion.cli.main import main as run
 from latentmotion.motion import Motion
-from latentmotion.pipeline import MotionPipeline
 from latentmotion.studio.edits import Edits
 from latentmotion.studio.library import Library
 
@@ -70,8 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="*", default=list(works), choices=list(works))
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(arguments)
-    # In this order, since processes with threads, which sessions have, cannot be forked.
-    load, counts = os.getloadavg()[0], {name: Count() for name in works if name in options.only}
+    load, counts = os.getloadavg()[0], {name: Count() for name in options.only}
     with tempfile.TemporaryDirectory(dir=".") as folder:  # where files are synced
         os.chdir(folder)
         for name, count in counts.items():
@@ -125,6 +123,13 @@ def killed(work: Callable[[], None], seconds: float, log: Path) -> bool:
     return code != 0
 
 
+def generated(path: Path, seed: int) -> Motion:
+    """Generates a motion in a process of its own, since one with sessions cannot be forked."""
+    words = ["generate", "a person walks", "--seconds", "2", "--seed", str(seed), "-o", str(path)]
+    killed(lambda: run(words), 1e9, path.with_suffix(".log"))
+    return Motion.load(path)
+
+
 def timed(work: Callable[[], None], log: Path) -> float:
     """Returns the seconds of a whole run that nobody kills; a first one warms up."""
     killed(work, 1e9, log)
@@ -161,8 +166,7 @@ def bulk(place: Path, kills: int, draw: random.Random, count: Count) -> None:
 def files(place: Path, kills: int, draw: random.Random, count: Count) -> None:
     """Kills writing of files over older ones."""
     log = place / "log"
-    generate = MotionPipeline.from_pretrained("fast")
-    motions = [generate("a person walks", 2, seed, takes=1) for seed in range(2)]
+    motions = [generated(place / f"motion-{seed}.npz", seed) for seed in range(2)]
     folder, contents = place / "files", []
     folder.mkdir()
 
@@ -189,13 +193,12 @@ def files(place: Path, kills: int, draw: random.Random, count: Count) -> None:
 
 def data(place: Path, kills: int, draw: random.Random, count: Count) -> None:
     """Kills `latentmotion data prepare` over an older folder."""
-    log, generate = place / "log", MotionPipeline.from_pretrained("fast")
-    targets = []
+    log, targets = place / "log", []
     for number in range(2):
         clips = place / f"clips-{number}"
         clips.mkdir()
         for seed in range(4):
-            generate("a person walks", 2, seed + number, takes=1).save(clips / f"{seed}.bvh")
+            generated(clips / f"{seed}.bvh", seed + number)
     words = ["-o", str(place / "data"), "--generated", "--val", "0", "--test", "0"]
     commands = [["data", "prepare", "own", str(place / f"clips-{n}"), *words] for n in range(2)]
     for words in commands:
@@ -216,7 +219,7 @@ def data(place: Path, kills: int, draw: random.Random, count: Count) -> None:
 def library(place: Path, kills: int, draw: random.Random, count: Count) -> None:
     """Kills a process that keeps takes in a library."""
     told, log = place / "told", place / "log"
-    motion = MotionPipeline.from_pretrained("fast")("a person walks", 2, takes=1)
+    motion = generated(place / "motion.npz", 0)
 
     def keep() -> None:
         kept = Library(place / "library")
