@@ -22,8 +22,8 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_moving_figures(tmp_path_factory.mktemp("data") / "figures", train=4, val=2)
 
 
-def run(model: str | Path, data: Path, *options: str | Path) -> None:
-    common = ["--data", data, "--split", "val", "--steps", "2"]
+def run(model: str | Path, data: Path, *options: str | Path, steps: int | None = 2) -> None:
+    common = ["--data", data, "--split", "val", *([] if steps is None else ["--steps", steps])]
     main(["evaluate", str(model), *map(str, [*common, *options])])
 
 
@@ -50,11 +50,11 @@ def test_a_vae_alone_and_its_prior(
 ) -> None:
     full = load_model(find_model("starter"))
     save_model(tmp_path / "vae", FirstStageModel(replace(full.card, denoiser=None), full.vae))
-    run(tmp_path / "vae", data, "--protocol", "paper")
+    run(tmp_path / "vae", data, "--protocol", "paper", steps=None)
     assert "| ground truth | reconstruction (sampled z) | reconstruction (mean z) |" in (
         capsys.readouterr().out
     )
-    run(tmp_path / "vae", data, "--prior", "--replications", "2")
+    run(tmp_path / "vae", data, "--prior", "--replications", "2", steps=None)
     printed = capsys.readouterr().out
     assert "| ground truth | prior |" in printed and "2 replications" in printed
 

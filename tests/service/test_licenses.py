@@ -33,6 +33,7 @@ CREDITS = {
     "holosoma": "Amazon FAR (Holosoma)",
     "snu_more": "Movement Research Lab, Seoul National University",
     "animated": "Meta Platforms, Inc. (AnimatedDrawings)",
+    "gestures": "gestures drawn on a recording of SNU's",
 }
 """What the owners of data sets ask for, by the names in the cards."""
 

@@ -133,7 +133,7 @@ def test_a_model_that_cannot_direct_offers_nothing_of_it(
     other = replace(own, backend=replace(own.backend, pullback=None))
     monkeypatch.setattr(studio.service, "pipeline", other)
     can = studio.get("/studio/v1/capabilities").json()["can"]
-    assert {name for name, there in can.items() if there} == {"best_of"}
+    assert {name for name, there in can.items() if there} == {"best_of", "teach"}
 
 
 @pytest.mark.filterwarnings("ignore")  # words that no model knows

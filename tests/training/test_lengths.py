@@ -106,6 +106,7 @@ def test_what_is_predicted_is_what_the_model_makes() -> None:
     assert frames_of(card, 3, 1, 20, [5.0]) == [60]
 
 
+@pytest.mark.filterwarnings("ignore::latentmotion.retrieval.doubts.DoubtWarning")
 def test_motions_take_their_sentences_lengths(tmp_path: Path) -> None:
     constant_model(100.0).write(tmp_path / LENGTHS_FILE)
     fast = MotionPipeline.from_pretrained("fast", threads=1)

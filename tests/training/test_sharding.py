@@ -46,7 +46,8 @@ def test_sharded_runs_are_those_of_one_process(runs: Path, name: str, like: str)
         kind = one.pop("kind")
         assert kind == other.pop("kind") and one.keys() == other.keys()
         numbers = [list(line.values()) for line in (one, other)]
-        np.testing.assert_allclose(*numbers, rtol=1e-5, atol=1e-7)
+        # What prompts save is a difference of losses of 1 and more, whose rounding it keeps.
+        np.testing.assert_allclose(*numbers, rtol=1e-5, atol=1e-6)
     tensors = (load_file(runs / run / "model" / WEIGHTS_FILE) for run in (name, like))
     for (key, one), (other_key, other) in zip(*(part.items() for part in tensors), strict=True):
         assert key == other_key

@@ -10,7 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from latentmotion.control.goals import Goal, Heading, LookAt, Reach, RootPath
 from latentmotion.control.timeline import PartSpan, Span
-from latentmotion.corrections import Corrections
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.errors import InputError
 from latentmotion.pipeline import RawMotion
@@ -187,9 +186,10 @@ class _Sampled(RequestModel):
         return [
             replace(
                 item,
-                corrections=Corrections(
-                    item.corrections.turn if self.exact_turn else None,
-                    item.corrections.count if self.exact_count else None,
+                corrections=replace(
+                    item.corrections,
+                    turn=item.corrections.turn if self.exact_turn else None,
+                    count=item.corrections.count if self.exact_count else None,
                 ),
             )
             for item in raw
