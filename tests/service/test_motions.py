@@ -11,8 +11,8 @@ import pytest
 
 from latentmotion import Motion, MotionPipeline
 from latentmotion.cleanup import CleanUp
-from latentmotion.corrections import Corrections
 from latentmotion.control.timeline import generate_timeline
+from latentmotion.corrections import Corrections
 from latentmotion.service.schemas import Format
 from tests.service.conftest import Called
 
