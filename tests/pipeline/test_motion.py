@@ -128,7 +128,8 @@ def test_damaged_files_are_named(motion: Motion, tmp_path: Path):
         Motion.load(tmp_path / "e.npz")
 
 
-def test_shows_itself_in_a_notebook(motion: Motion):
+def test_shows_itself_in_a_notebook(motion: Motion, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("latentmotion.formats.notebook._is_shown", False)
     first, second = (motion._repr_mimebundle_() for _ in range(2))
     assert first["image/png"] in second["text/html"] and "jemand läuft" in second["text/html"]
     assert len(second["text/html"]) < 150_000 < len(first["text/html"]) < 500_000

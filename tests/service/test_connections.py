@@ -68,6 +68,9 @@ def test_a_head_that_does_not_come_is_not_waited_for(
 
 def test_idle_connections_shut_nobody_out(base: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "CONNECTIONS_OF_ADDRESS", 40)
+    resource = pytest.importorskip("resource", reason="needs limits of open files")
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # both ends are of this process
     with ExitStack() as stack:
         links = [stack.enter_context(opened(base, HEAD)) for _ in range(connections.SPARE + 100)]
         with httpx.Client(base_url=base) as client:

@@ -100,7 +100,8 @@ def test_takes_share_a_skeleton_and_may_differ_in_it():
     assert np.allclose(data["skeletons"]["humanml3d"]["lengths"], lengths, atol=0.02)
 
 
-def test_a_notebook_shows_the_viewer_that_its_first_output_brought(tmp_path):
+def test_a_notebook_shows_the_viewer_that_its_first_output_brought(tmp_path, monkeypatch):
+    monkeypatch.setattr("latentmotion.formats.notebook._is_shown", False)
     motions = [walking(caption=HOSTILE), walking(3.0)]
     outputs = "".join(bundle(motion)["text/html"] for motion in motions)
     (tmp_path / "notebook.html").write_text(f"<!doctype html><meta charset=utf-8>{outputs}")
