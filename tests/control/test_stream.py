@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from latentmotion import MotionPipeline
-from latentmotion.cleanup.loops import turn_of, unrolled
+from latentmotion.cleanup.loops import seam_acceleration, turn_of, unrolled
 from latentmotion.control.reach import DecodedMotion
 from latentmotion.control.stream import (
     StreamState,
@@ -103,6 +103,7 @@ def test_a_loop_stays_one_when_it_is_cleaned_up() -> None:
         count = len(motion) - 1
         seam = bends[count - 2 : count + 1].max()
         assert seam <= 1.01 * bends[count + 1 : 2 * count - 2].max()
+    assert seam_acceleration(loop.cleaned()) <= seam_acceleration(loop)
     assert np.abs(turn_of(loop.cleaned(in_place=True))[1]).max() < 1e-4
     assert np.linalg.norm(turn_of(loop)[1]) > 1
     assert "loop" not in loop.cut(0, 1).metadata

@@ -1,7 +1,9 @@
 """Loops: motions whose last frame is their first, farther along their path.
 
 Filters, foot locks and the path of the root would treat the ends of a turn as ends. So a turn is
-cleaned up between turns before and after it.
+cleaned up between turns before and after it. Feet that are held start and stop more sharply than
+feet that slide; where that is at the seam, the seam is smoothed until joints accelerate there no
+more than before the clean-up.
 """
 
 from __future__ import annotations
@@ -11,11 +13,20 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import unit
+from latentmotion.cleanup.smoothing import gaussian
+from latentmotion.kinematics.skeleton import joints_of_bones
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
 _BESIDE = 3.0
 """Seconds of further turns on either side of the one that is kept."""
+
+_SEAM = 0.4
+"""Seconds to either side of a seam within which it is smoothed."""
+
+_DEVIATIONS = np.linspace(0.02, 0.12, 11)
+"""Standard deviations, seconds, of the Gaussians that are tried for that, mildest first."""
 
 
 def is_loop(motion: Motion) -> bool:
@@ -68,4 +79,32 @@ def rolled_up(whole: Motion, motion: Motion) -> Motion:
     count = len(motion) - 1
     first = turns_beside(motion) * count
     joints = whole.joints[first : first + count + 1]
-    return replace(motion, joints=joints, metadata={**whole.metadata, "loop": True})
+    turn_alone = replace(motion, joints=joints, metadata={**whole.metadata, "loop": True})
+    return _as_smooth(turn_alone, seam_acceleration(motion))
+
+
+def seam_acceleration(loop: Motion) -> float:
+    """Returns the greatest acceleration of a joint at a seam, seen from the body, m/s²."""
+    joints, count = unrolled(loop, 1, 1).joints.astype(np.float64), len(loop) - 1
+    facing = np.unwrap(heading(joints, loop.skeleton))
+    seen = turn(joints - joints[:, :1] * (1, 0, 1), -facing[:, None])[count - 3 : count + 4]
+    return float(np.linalg.norm(np.diff(seen, n=2, axis=0), axis=-1).max()) * loop.fps**2
+
+
+def _as_smooth(loop: Motion, most: float) -> Motion:
+    """Returns a loop whose seam is smoothed until it accelerates by no more than `most`, m/s²."""
+    skeleton, count = loop.skeleton, len(loop) - 1
+    whole = unrolled(loop, 1, 1).joints.astype(np.float64)
+    bones = whole[:, 1:] - whole[:, list(skeleton.parents[1:])]
+    lengths = np.linalg.norm(bones, axis=-1, keepdims=True)
+    away = np.abs((np.arange(len(whole)) + count // 2) % count - count // 2)
+    near = np.clip(1 - away / (_SEAM * loop.fps), 0, 1)[:, None, None]
+    near, smoothed = near**2 * (3 - 2 * near), loop
+    for deviation in _DEVIATIONS * loop.fps:
+        if seam_acceleration(smoothed) <= most:
+            break
+        root, ways = (x + near * (gaussian(x, deviation) - x) for x in (whole[:, :1], bones))
+        joints = joints_of_bones(root[:, 0], lengths * unit(ways), skeleton)
+        joints = joints[count : 2 * count + 1].astype(np.float32)
+        smoothed = replace(loop, joints=joints)
+    return smoothed

@@ -24,7 +24,7 @@ from latentmotion.cleanup.leg_ik import find_legs
 from latentmotion.cleanup.leg_ik import reach as bend
 from latentmotion.control.goals import Targets, hand_points, heading_gaps, with_hands
 from latentmotion.kinematics.rotations import quaternion_from_axis_angle, quaternion_rotate
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Skeleton, joints_of_bones
 from latentmotion.representation.canonical import turn
 
 Joints = Float[np.ndarray, "frames joints 3"]
@@ -211,10 +211,7 @@ def inertialized(
         bones = quaternion_rotate(quaternion_from_axis_angle(turn), turned)[flip]
     u = np.linspace(0, 1, count + 2)[1:-1, None, None]
     bones = bones * ((1 - u) * lengths[0] + u * lengths[-1])
-    joints = [root[:, 0]]
-    for joint, parent in enumerate(parents):
-        joints.append(joints[parent] + bones[:, joint])
-    return np.stack(joints, axis=1)
+    return joints_of_bones(root[:, 0], bones, skeleton)
 
 
 def _continued(values: Float[np.ndarray, "frames n 3"]) -> Float[np.ndarray, "two n 3"]:

@@ -27,6 +27,7 @@ from latentmotion.control.goals import FASTEST, Goal, Pose
 from latentmotion.control.stream import generate_loop
 from latentmotion.errors import InputError, hint
 from latentmotion.formats.contact_events import contact_events
+from latentmotion.kinematics.skeleton import joints_of_bones
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
@@ -237,9 +238,8 @@ def _on_body(motion: Motion, body: Motion) -> Motion:
     parents = motion.skeleton.parents
     lengths = np.linalg.norm(body.joints[0, 1:] - body.joints[0, list(parents[1:])], axis=-1)
     joints = motion.joints.astype(np.float64)
-    directions = unit(joints[:, 1:] - joints[:, list(parents[1:])])
-    for joint, parent in enumerate(parents[1:], 1):
-        joints[:, joint] = joints[:, parent] + lengths[joint - 1] * directions[:, joint - 1]
+    bones = lengths[:, None] * unit(joints[:, 1:] - joints[:, list(parents[1:])])
+    joints = joints_of_bones(joints[:, 0], bones, motion.skeleton)
     return clean(_with(motion, joints), replace(USUAL, smooth=False))
 
 

@@ -370,6 +370,18 @@ def posed(
     )
 
 
+def joints_of_bones(
+    root: Float[np.ndarray, "frames 3"],
+    bones: Float[np.ndarray, "frames bones 3"],
+    skeleton: Skeleton,
+) -> Float[np.ndarray, "frames joints 3"]:
+    """Returns the joints of a root and of the bones from each parent to the next joint, meters."""
+    joints = [root]
+    for bone, parent in enumerate(skeleton.parents[1:]):
+        joints.append(joints[parent] + bones[:, bone])
+    return np.stack(joints, axis=1)
+
+
 _STILL = 1e-5
 """Meters up to which a joint counts as staying where its parent carries it."""
 
