@@ -13,7 +13,8 @@ from latentmotion.data.clip import mirror_words
 from latentmotion.language.reading import claims_of
 from latentmotion.language.words import plain
 from latentmotion.measure.facts import SingleAction
-from latentmotion.training.captioning.prompting import KINDS, prompts, prompts_in_order, wording
+from latentmotion.training.captioning.prompt_patterns import kinds, wording
+from latentmotion.training.captioning.prompting import prompts, prompts_in_order
 
 _GAITS = ("walk", "jog", "run")
 _TURNING = ("walk_then_turn", "turn_then_walk", "turn_and_return", "circle", "half_circle")
@@ -67,7 +68,7 @@ def _agreement_is_right(sentence: str) -> bool:
     )
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", kinds())
 def test_every_kind_has_many_prompts_that_are_well_formed(kind: str):
     found = _many(kind)
     assert len(found) >= 40
@@ -76,7 +77,7 @@ def test_every_kind_has_many_prompts_that_are_well_formed(kind: str):
     assert [sentence for sentence in found if not _agreement_is_right(sentence)] == []
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", kinds())
 def test_words_in_a_mirror_tell_of_the_other_side(kind: str):
     for sentence in _many(kind):
         mirrored = mirror_words(sentence)
@@ -193,7 +194,7 @@ def test_refused_prompts_are_never_returned():
 def test_prompts_are_short_and_repeatable():
     words = [
         len(sentence.split())
-        for kind in KINDS
+        for kind in kinds()
         for sentence in prompts(_example(kind), _generator(), 20)
     ]
     assert np.mean(np.array(words) < 6) > 0.4

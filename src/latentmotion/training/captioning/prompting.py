@@ -15,51 +15,7 @@ import numpy as np
 from latentmotion.language.inflection import inflect
 from latentmotion.language.words import plain
 from latentmotion.measure.facts import LEFT, RIGHT, SingleAction
-from latentmotion.training.captioning import prompt_gaits, prompt_limbs, prompt_turns
-from latentmotion.training.captioning.prompt_patterns import (
-    IN_A_ROW,
-    ONCE,
-    ONE,
-    Wording,
-    fixed_wordings,
-)
-
-_FIXED = fixed_wordings()
-"""Patterns of kinds of actions that are always worded alike."""
-
-_WORDINGS: dict[str, Callable[[SingleAction], Wording]] = {
-    **dict.fromkeys(("walk", "jog", "run"), prompt_gaits.gait),
-    "steps": prompt_gaits.steps,
-    "turn": prompt_turns.turn,
-    **dict.fromkeys(("walk_then_turn", "turn_then_walk"), prompt_turns.walk_and_turn),
-    "turn_and_return": prompt_turns.turn_and_return,
-    "circle": prompt_turns.circle,
-    "half_circle": prompt_turns.half_circle,
-    "weave": prompt_turns.weave,
-    "speed_up": prompt_gaits.sped_up,
-    "slow_down": prompt_gaits.slowed_down,
-    **dict.fromkeys(("start_walking", "start_running"), prompt_gaits.started),
-    **dict.fromkeys(("stop_walking", "stop_running"), prompt_gaits.stopped),
-    "jump": prompt_limbs.jumped,
-    "hop": prompt_limbs.hopped,
-    "kick": prompt_limbs.kicked,
-    "punch": prompt_limbs.punched,
-    "wave": prompt_limbs.waved,
-    "raise": prompt_limbs.raised,
-    "clap": prompt_limbs.clapped,
-    "knee": prompt_limbs.kneed,
-    **dict.fromkeys(("jack", "squat", "bow"), prompt_limbs.counted),
-    "arm_circle": prompt_limbs.circled_arms,
-    "pick_up": prompt_limbs.picked_up,
-    "balance": prompt_limbs.balanced,
-    "touch_head": prompt_limbs.touched_head,
-    "climb": prompt_limbs.climbed,
-    "crouch": prompt_limbs.crouched,
-}
-"""Functions that make the patterns of the other kinds of actions."""
-
-KINDS = (*_WORDINGS, *_FIXED)
-"""All kinds of actions that have words."""
+from latentmotion.training.captioning.prompt_patterns import IN_A_ROW, ONCE, ONE, Wording, wording
 
 _LIMBS = {
     "kick": ("leg", ("~kick with <the> A LIMB, then with the B", "~kick A, then B")),
@@ -179,15 +135,6 @@ def prompts_in_order(
         return _styled(_ordered(one, two, generator), generator)
 
     return _different(draw, count, refused)
-
-
-def wording(action: SingleAction) -> Wording:
-    """Returns the patterns for an action.
-
-    Raises:
-        KeyError: Its kind is none of `KINDS`.
-    """
-    return _FIXED[action.kind] if action.kind in _FIXED else _WORDINGS[action.kind](action)
 
 
 def contrasted(first: SingleAction, second: SingleAction) -> Sequence[str]:
