@@ -68,12 +68,13 @@ _MOST_JERK, _WINDOW = 635.0, 0.5
 """Mean jerk of the joints, m/s³, in so many seconds: 99 of 100 recordings of CMU, SNU and HDM05
 stay below it in their jerkiest half second."""
 
-_ENDS = ("pelvis", "head", "elbow", "wrist", "knee", "ankle")
+_ENDS = ("pelvis", "head", "shoulder", "wrist", "knee", "ankle")
 """Joints by which sampling is directed to a pose; the others follow by their bones."""
 
-_POSED = ReachSettings(updates=3, tolerance=5e-3)
+_POSED = ReachSettings(updates=3, tolerance=5e-3, damping=0.1)
 """Updates of the latents after sampling where there are poses, which latents do not meet exactly;
-what is left is as much after more."""
+what is left is as much after more, and less damping makes the motion jerk. Moving the estimates
+during sampling, too, gains nothing there."""
 
 _MOST_INSTANTS, _SPACING = 12, 0.3
 """Instants at which sampling is directed to a goal that holds: one in so many seconds."""
@@ -229,9 +230,9 @@ def directed(direction: Direction, motion: DecodedMotion, sample: Sample, fps: f
     """
     residual, skeleton = direction.residual(), direction.skeleton
     correction, steps = Correction(motion, residual, settings=_DURING), count()
-    z = sample(motion.frames, lambda z: correction(z) if next(steps) % _EVERY == 1 else z)
     posed = any(isinstance(goal, Pose) for goal in direction.given)
-    after = _POSED if posed else _AFTER
+    after, turns = _POSED if posed else _AFTER, () if posed else (1,)
+    z = sample(motion.frames, lambda z: correction(z) if next(steps) % _EVERY in turns else z)
     z = reach(np.asarray(z, np.float64), motion, residual, settings=after)
     joints = motion.joints(z)
     if direction.curve is not None and direction.given:

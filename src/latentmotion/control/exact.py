@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float
 from latentmotion.arrays import unit
 from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
 from latentmotion.cleanup.floor import find_arms
-from latentmotion.cleanup.leg_ik import find_legs
+from latentmotion.cleanup.leg_ik import Leg, find_legs
 from latentmotion.cleanup.leg_ik import reach as bend
 from latentmotion.control.goals import Targets, hand_points, heading_gaps, with_hands
 from latentmotion.kinematics.rotations import quaternion_from_axis_angle, quaternion_rotate
@@ -67,7 +67,7 @@ def hold_targets(joints: Joints, targets: Targets, fps: float, skeleton: Skeleto
             break
         for frame, over in short.items():
             body[frame] = body.get(frame, np.zeros(3)) + over
-    return _with_poses(moved, targets, poses, fps, skeleton)
+    return limbs.posed(moved)
 
 
 def _turned(joints: Joints, targets: Targets, fps: float, skeleton: Skeleton) -> Joints:
@@ -293,8 +293,7 @@ class _Limbs:
         # Legs first: an arm whose goal counts from a foot or from the other hand comes after it.
         across = carried[:, self.legs[0].hip] - carried[:, self.legs[-1].hip] if self.legs else 0
         for leg in self.legs:
-            pivots = [self.order.index(pivot) for pivot in leg.pivots]
-            standing = np.asarray(self.standing[:, pivots].any(axis=1))
+            standing = self._standing(leg)
             stays = self.joints[:, leg.ankle] - carried[:, leg.ankle]
             # Feet do not turn with the body.
             foot, placed = [leg.ankle, *leg.below], carried.copy()
@@ -320,6 +319,46 @@ class _Limbs:
                     out = out + 0.1 * (moved[:, shoulder] - middle)
                     self._bend(moved, moved, (shoulder, elbow, end), offset, out, short, ())
         return moved, short
+
+    def posed(self, joints: Joints) -> Joints:
+        """Returns the joints with whole poses met, every joint by an offset of its own.
+
+        A foot that stands in a pose stands there for the whole contact.
+        """
+        if not self.poses:
+            return joints
+        moved, gaps = joints.copy(), self.targets.gaps(joints, self.skeleton)
+        offsets: dict[int, dict[int, np.ndarray]] = {}
+        for point, (frame, joint) in enumerate(
+            zip(self.targets.frames.tolist(), self.targets.joints.tolist(), strict=True)
+        ):
+            # Goals of other frames are met already: their offsets are 0 and hold what is there.
+            gap, hand = gaps[point] if frame in self.poses else np.zeros(3), self.hands.get(joint)
+            for one in (joint,) if hand is None else (hand.elbow, hand.wrist):
+                offsets.setdefault(one, {}).setdefault(frame, gap)
+        offsets = {joint: each for joint, each in offsets.items() if set(each) & self.poses}
+        blend = BLEND * self.fps
+        for joint, each in offsets.items():
+            moved[:, joint] += spread(each, len(joints), blend)
+        for leg in self.legs:
+            foot = [joint for joint in (leg.ankle, *leg.below) if joint in offsets]
+            standing = self._standing(leg)
+            held = {j: joints[:, j] + held_in_contacts(offsets[j], standing, blend) for j in foot}
+            if leg.ankle not in held:
+                continue
+            hip, knee, ankle = moved[:, leg.hip], moved[:, leg.knee], moved[:, leg.ankle]
+            away = np.linalg.norm(held[leg.ankle] - ankle, axis=-1) > 1e-9
+            knees, ankles = bend(hip, knee, ankle, held[leg.ankle], knee - (hip + ankle) / 2)
+            moved[away, leg.knee] = knees[away]
+            short = ankles - held[leg.ankle]
+            for joint in foot:
+                moved[away, joint] = (held[joint] + short)[away]
+        return moved
+
+    def _standing(self, leg: Leg) -> Bool[np.ndarray, " frames"]:
+        """Returns whether a foot stands, for each frame."""
+        pivots = [self.order.index(pivot) for pivot in leg.pivots]
+        return np.asarray(self.standing[:, pivots].any(axis=1))
 
     def _offsets(
         self,
@@ -390,29 +429,6 @@ class _Limbs:
         if rest:
             carry = (tip - self.joints[:, chain[2]])[touched, None]
             moved[np.ix_(touched, rest)] = self.joints[np.ix_(touched, rest)] + carry
-
-
-def _with_poses(
-    joints: Joints, targets: Targets, poses: Sequence[int], fps: float, skeleton: Skeleton
-) -> Joints:
-    """Returns the joints with whole poses met, every joint by an offset of its own."""
-    if not poses:
-        return joints
-    moved, gaps = joints.copy(), targets.gaps(joints, skeleton)
-    offsets: dict[int, dict[int, np.ndarray]] = {}
-    for point, (frame, joint) in enumerate(
-        zip(targets.frames.tolist(), targets.joints.tolist(), strict=True)
-    ):
-        # Goals of other frames are met already: their offsets are 0 and hold what is there.
-        gap = gaps[point] if frame in poses else np.zeros(3)
-        count = len(skeleton)
-        hand = hand_points(skeleton)[joint - count] if joint >= count else None
-        for one in (joint,) if hand is None else (hand.elbow, hand.wrist):
-            offsets.setdefault(one, {}).setdefault(frame, gap)
-    for joint, of_joint in offsets.items():
-        if set(of_joint) & set(poses):
-            moved[:, joint] += spread(of_joint, len(joints), BLEND * fps)
-    return moved
 
 
 def distances(joints: Joints, targets: Targets, skeleton: Skeleton) -> Float[np.ndarray, " points"]:
