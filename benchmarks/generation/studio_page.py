@@ -145,6 +145,7 @@ def enter(page: Page, options: argparse.Namespace) -> list[list[str]]:
     """Returns rows: the parts of the time from Enter to four figures."""
     if options.figure != "none":
         page.select_option("#figure", options.figure)
+    page.click("#more-options")
     page.fill("[name=takes]", "4")
     page.fill("[name=seconds]", "4")
     turns: list[dict[str, float]] = []
