@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 import torch
 
-from latentmotion.convert.mld import Origin, convert_checkpoint
+from latentmotion.convert.checkpoints import convert_checkpoint
+from latentmotion.convert.mld import Origin
 from latentmotion.convert.reading import read_checkpoint
 from latentmotion.errors import LatentMotionError, ModelError
 from latentmotion.model.card import find_model, read_card

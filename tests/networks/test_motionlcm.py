@@ -14,7 +14,8 @@ from torch import Tensor, nn
 
 from latentmotion.condition.interface import Conditioning
 from latentmotion.condition.task import TextTask
-from latentmotion.convert.mld import Origin, Unstated, convert_checkpoint
+from latentmotion.convert.checkpoints import convert_checkpoint
+from latentmotion.convert.mld import Origin, Unstated
 from latentmotion.errors import ModelError
 from latentmotion.model.config import Sampling
 from latentmotion.networks.checkpoint import LatentModel, load_model

@@ -15,7 +15,8 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from latentmotion.condition.interface import Conditioning, TextEmbedding, TextEncoder
-from latentmotion.convert.mld import Origin, Unstated, convert_checkpoint
+from latentmotion.convert.checkpoints import convert_checkpoint
+from latentmotion.convert.mld import Origin, Unstated
 from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.samplers import DDIM, sample
 from latentmotion.errors import InputError

@@ -14,7 +14,7 @@ from latentmotion.storage.files import read_lines
 
 @dataclass(frozen=True)
 class Convert:
-    """Turn a checkpoint of MLD's or MotionLCM's code into a model folder.
+    """Turn a checkpoint of MLD's, MotionLCM's or MDM's code into a model folder.
 
     The file is opened without running any code inside it. Its shapes tell most of the sizes; what
     they cannot tell has an option, whose default is what the authors trained.
@@ -43,6 +43,8 @@ class Convert:
     """Text encoder it was trained with, KIND:FOLDER; by default MLD's or MotionLCM's."""
     labels: tuple[str, ...] = ()
     """Names of its actions, in order; by default HumanAct12's if there are twelve."""
+    diffusion_steps: int = 1000
+    """Steps of MDM's diffusion: 1000, or 50 in its fast form."""
 
     def run(self) -> None:
         """Converts the file and prints the networks in it that are not converted.
@@ -52,6 +54,7 @@ class Convert:
             ModelError: The file is no checkpoint of that code, or may hold code.
         """
         from latentmotion.convert import mld
+        from latentmotion.convert.checkpoints import convert_checkpoint
 
         if (self.mean is None) != (self.std is None):
             raise InputError("--mean and --std belong together: pass both")
@@ -73,11 +76,13 @@ class Convert:
             self.predicts,
             self.text_encoder,
             self.labels,
+            self.diffusion_steps,
         )
-        others = mld.convert_checkpoint(self.file, self.output, origin)
+        others = convert_checkpoint(self.file, self.output, origin)
         kinds = {
             "rot2xyz": ": SMPL's body, whose license forbids to pass it on",
             "text_encoder": ": CLIP",
+            "clip_model": ": CLIP",
         }
         left = ", ".join(
             f"{name} ({count}{kinds.get(name, '')})" for name, count in sorted(others.items())

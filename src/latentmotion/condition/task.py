@@ -37,6 +37,8 @@ class TextConditioning:
     """Whether the first token is the pooled sentence."""
     words: int = 0
     """Maximum number of word pieces that follow."""
+    null: Literal["empty", "zeros"] = "empty"
+    """What stands for no sentence: the empty one as in MLD, or zeros as in MDM."""
 
     def __post_init__(self) -> None:
         if not self.pooled and self.words < 1:
@@ -77,8 +79,12 @@ class SentenceCondition:
         return self.conditioning(self.encoder(inputs))
 
     def null(self, count: int) -> Conditioning:
-        """Returns the empty sentence `count` times (MLD's unconditional prompt)."""
-        return self([""] * count)
+        """Returns the empty sentence `count` times (MLD's unconditional prompt), or its zeros."""
+        empty = self([""] * count)
+        if self.conditioning.null == "empty":
+            return empty
+        xp = array_namespace(empty.tokens)
+        return Conditioning(xp.zeros_like(empty.tokens), empty.mask)
 
 
 @dataclass(frozen=True)

@@ -82,49 +82,36 @@ class Origin:
     """Text encoder that it was trained with; by default MLD's or MotionLCM's."""
     labels: tuple[str, ...] = ()
     """Names of the actions, in order; by default HumanAct12's for its twelve, else numbers."""
+    diffusion_steps: int = 1000
+    """Steps of MDM's diffusion: 1,000, or 50 in its fast form."""
 
 
-def convert_checkpoint(
-    path: str | Path, output: str | Path, origin: Origin | None = None
-) -> dict[str, int]:
-    """Converts the authors' checkpoint; writes the whole folder or nothing.
+def latent_model(
+    parts: Mapping[str, Weights], path: Path, origin: Origin
+) -> checkpoint.LatentModel | checkpoint.FirstStageModel:
+    """Returns the model of the authors' networks.
 
     Args:
-        path: Lightning file, or a dictionary of tensors.
-        output: The model folder to write.
+        parts: Weights of `reading.PARTS`, without these prefixes.
+        path: The checkpoint, for the card and for error messages.
         origin: What the file does not state.
 
-    Returns:
-        The number of ignored weights of other networks (evaluators, CLIP, SMPL), by network.
-
     Raises:
-        ModelError: The file cannot be opened safely, or is no checkpoint of MLD's code.
+        ModelError: A weight is missing or has another shape.
         InputError: The normalizer is missing or does not fit.
     """
-    path, origin = Path(path), origin or Origin()
-    try:
-        parts, others = reading.split_parts(reading.read_checkpoint(path))
-        if not any(parts.values()):
-            prefixes = ", ".join(list(others)[:5]) or "nothing"
-            raise ModelError(f"{path} has no weights under 'vae.' or 'denoiser.'; found {prefixes}")
-        denoiser = config = None
-        if parts["denoiser"]:
-            denoiser, config = load_denoiser(parts["denoiser"], origin.unstated, path)
-        if parts["vae"] or config is None:
-            vae, first_stage = load_vae(parts["vae"], origin.unstated, path)
-        else:  # the diffusion is on raw frames, as wide as the denoiser's latents
-            first_stage = IdentityVAEConfig(config.latent_width)
-            vae = build(first_stage)
-        card = model_card(path, first_stage, config, origin)
-        model = (
-            checkpoint.LatentModel(card, vae, denoiser)
-            if denoiser
-            else checkpoint.FirstStageModel(card, vae)
-        )
-        checkpoint.save_model(output, model)
-        return others
-    except (ValueError, IndexError, KeyError, RuntimeError) as error:  # of weights of other shapes
-        raise ModelError(f"{path} is no checkpoint of MLD's code ({error!r:.200})") from error
+    denoiser = config = None
+    if parts["denoiser"]:
+        denoiser, config = load_denoiser(parts["denoiser"], origin.unstated, path)
+    if parts["vae"] or config is None:
+        vae, first_stage = load_vae(parts["vae"], origin.unstated, path)
+    else:  # the diffusion is on raw frames, as wide as the denoiser's latents
+        first_stage = IdentityVAEConfig(config.latent_width)
+        vae = build(first_stage)
+    card = model_card(path, first_stage, config, origin)
+    if denoiser is None:
+        return checkpoint.FirstStageModel(card, vae)
+    return checkpoint.LatentModel(card, vae, denoiser)
 
 
 def load_vae(
@@ -226,22 +213,22 @@ def vae_config(weights: Weights, unstated: Unstated) -> TransformerVAEConfig:
     """Returns the configuration of an `MldVae` or `ActorVae` from its weights without `vae.`."""
     if is_actor(weights):
         return TransformerVAEConfig(
-            features=_shape(weights, "decoder.final_layer.weight")[0],
+            features=shape(weights, "decoder.final_layer.weight")[0],
             tokens=1,
-            transformer=_transformer(weights, "encoder.seqTransEncoder.", unstated),
+            transformer=transformer(weights, "encoder.seqTransEncoder.", unstated),
             position="sine",
         )
-    tokens, _ = _shape(weights, "global_motion_token")
+    tokens, _ = shape(weights, "global_motion_token")
     linear = "dist_layer.weight" in weights
     joint = "decoder.middle_block.multihead_attn.out_proj.weight" not in weights
     return TransformerVAEConfig(
-        features=_shape(weights, "final_layer.weight")[0],
+        features=shape(weights, "final_layer.weight")[0],
         tokens=tokens if linear else tokens // 2,
-        transformer=_transformer(weights, "encoder.", unstated),
+        transformer=transformer(weights, "encoder.", unstated),
         position=_position(weights, "query_pos_encoder.pe"),
         distribution="linear" if linear else "tokens",
         decoding="joint" if joint else "cross",
-        latent_width=_shape(weights, "latent_pre.weight")[0] if is_motionlcm(weights) else None,
+        latent_width=shape(weights, "latent_pre.weight")[0] if is_motionlcm(weights) else None,
     )
 
 
@@ -269,21 +256,21 @@ def denoiser_config(weights: Weights, unstated: Unstated) -> DenoiserConfig:
     cross = any(name.startswith("decoder.") for name in weights)
     # The denoiser's constructor ignored settings that the VAE's applied.
     always = dataclasses.replace(unstated, activation="gelu", norm="post")
-    transformer = _transformer(weights, "decoder." if cross else "encoder.", always)
+    stack = transformer(weights, "decoder." if cross else "encoder.", always)
     frames = "pose_embd.weight" in weights
     in_context = "context_first" if frames else "latents_first"
     projections = [n for n in ("pose_embd.weight", "latent_pre.weight") if n in weights]
-    projection, condition_width = _condition_projection(weights, transformer.width, unstated)
+    projection, condition_width = _condition_projection(weights, stack.width, unstated)
     return DenoiserConfig(
-        latent_width=_shape(weights, projections[0])[1] if projections else transformer.width,
+        latent_width=shape(weights, projections[0])[1] if projections else stack.width,
         condition_width=condition_width,
-        transformer=transformer,
+        transformer=stack,
         project_latents=frames or is_motionlcm(weights),
         condition_projection=projection,
         attention="cross" if cross else "in_context",
         positions="separate" if cross else in_context,
         position=_position(weights, "query_pos.pe"),
-        sine_width=_shape(weights, "time_embedding.linear_1.weight")[1],
+        sine_width=shape(weights, "time_embedding.linear_1.weight")[1],
         attends_to_padding=frames,
     )
 
@@ -321,18 +308,19 @@ def _condition_projection(
     weights: Weights, width: int, unstated: Unstated
 ) -> tuple[Literal["linear", "relu_linear", "table", "none"], int]:
     if "emb_proj.action_embedding" in weights:
-        return "table", _shape(weights, "emb_proj.action_embedding")[0]
+        return "table", shape(weights, "emb_proj.action_embedding")[0]
     if "emb_proj.1.weight" in weights:
         usual = "none" if is_motionlcm(weights) else "relu"
         linear = (unstated.text_activation or usual) == "none"
-        return "linear" if linear else "relu_linear", _shape(weights, "emb_proj.1.weight")[1]
+        return "linear" if linear else "relu_linear", shape(weights, "emb_proj.1.weight")[1]
     return "none", width
 
 
-def _transformer(weights: Weights, stack: str, unstated: Unstated) -> TransformerConfig:
+def transformer(weights: Weights, stack: str, unstated: Unstated) -> TransformerConfig:
+    """Returns the configuration of the layers whose names begin with `stack`."""
     skips = f"{stack}middle_block.linear1.weight" in weights
     one_layer = "middle_block" if skips else "layers.0"
-    hidden, width = _shape(weights, f"{stack}{one_layer}.linear1.weight")
+    hidden, width = shape(weights, f"{stack}{one_layer}.linear1.weight")
     return TransformerConfig(
         width=width,
         layers=_count(weights, f"{stack}input_blocks.") * 2 + 1
@@ -354,10 +342,11 @@ def _count(weights: Weights, prefix: str) -> int:
 
 
 def _position(weights: Weights, name: str) -> PositionKind:
-    return "learned" if _shape(weights, name)[0] <= LEARNED_LENGTH else "sine"
+    return "learned" if shape(weights, name)[0] <= LEARNED_LENGTH else "sine"
 
 
-def _shape(weights: Weights, name: str) -> tuple[int, ...]:
+def shape(weights: Weights, name: str) -> tuple[int, ...]:
+    """Returns the shape of a weight; raises ModelError where it is missing."""
     if name not in weights:
         raise ModelError(f"the weights {name!r} are missing; is it a checkpoint of MLD?")
     return tuple(weights[name].shape)

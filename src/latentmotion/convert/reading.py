@@ -71,12 +71,16 @@ _MOST_SHARED = 8
 def read_checkpoint(path: str | Path) -> dict[str, Tensor]:
     """Returns the tensors of a Lightning file's `state_dict`, or of a plain dictionary of tensors.
 
+    MDM's newer files hold `model_avg`, the average of the weights, beside `model`.
+
     Raises:
         ModelError: The file is missing, damaged, of another kind, or holds code.
     """
     content = read_content(Path(path))
-    state = content.get("state_dict", content) if isinstance(content, Mapping) else None
-    tensors = tensors_of(state)
+    states = [content]
+    if isinstance(content, Mapping):
+        states = [content[key] for key in ("state_dict", "model_avg", "model") if key in content]
+    tensors = tensors_of((states or [content])[0])
     if not tensors:
         raise ModelError(f"{path}: no state_dict of tensors inside; is it an MLD checkpoint?")
     return tensors

@@ -1,0 +1,114 @@
+"""MDM's checkpoints (Tevet et al. 2023) to model folders: diffusion on frames by a plain encoder.
+
+Time and prompt are one token before the frames. Other than our own models, MDM sees zeros where
+there is no prompt, and attends to the padding of its own batches; here padding is left out, as in
+its code for one motion. It cuts sentences after 20 word pieces, which is not repeated here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from latentmotion.condition.task import TextConditioning, TextTask
+from latentmotion.convert import reading
+from latentmotion.convert.mld import Origin, Weights, model_card, shape, transformer
+from latentmotion.diffusion.parametrization import Sample
+from latentmotion.diffusion.schedule import Cosine
+from latentmotion.errors import ModelError
+from latentmotion.model.config import DenoiserConfig, IdentityVAEConfig, Sampling
+from latentmotion.networks import checkpoint
+from latentmotion.networks.build import build
+
+_TEXT_ENCODER = "openai/clip-vit-base-patch32"
+
+_FRAMES = (40, 196)
+"""Shortest and longest motions that the models of sentences were trained on."""
+
+OTHERS = ("clip_model", "rot2xyz")
+"""Networks that a file may hold beside the denoiser, by the first part of their weights' names."""
+
+_STACK = "seqTransEncoder."
+
+_RULES: reading.Rules = (
+    (r"^input_process\.poseEmbedding\.", "latents_in."),
+    (r"^output_process\.poseFinal\.", "latents_out."),
+    (r"^embed_timestep\.time_embed\.", "numbers.time.network."),
+    (r"^embed_text\.", "condition_in."),
+    (r"^embed_action\.action_embedding$", "condition_in.weight"),
+    (r"^sequence_pos_encoder\.pe$", "positions.table.table"),
+    (r"^seqTransEncoder\.", "body.encoder."),
+)
+
+
+def is_mdm(weights: Weights) -> bool:
+    """Returns whether a file's weights are MDM's, by their names."""
+    return "input_process.poseEmbedding.weight" in weights
+
+
+def latent_model(weights: Weights, path: Path, origin: Origin) -> checkpoint.LatentModel:
+    """Returns the model of MDM's weights.
+
+    Args:
+        weights: All tensors of the file; those of `OTHERS` are left out.
+        path: The checkpoint, for the card and for error messages.
+        origin: What the file does not state.
+
+    Raises:
+        ModelError: It is a variant with a decoder or a GRU, without a prompt, or a weight is
+            missing or of another shape.
+        InputError: The normalizer is missing or does not fit.
+    """
+    if not any(name.startswith(_STACK) for name in weights):
+        raise ModelError(f"{path}: expected MDM's encoder (trans_enc); other variants are not read")
+    config = _config(weights, origin)
+    twice = "embed_timestep.sequence_pos_encoder.pe"
+    used = {
+        name: weight.float()
+        for name, weight in weights.items()
+        if name.split(".")[0] not in OTHERS and name != twice
+    }
+    # MDM's sinusoid of the time alternates sine and cosine; here all cosines come first.
+    first = "embed_timestep.time_embed.0.weight"
+    used[first] = torch.cat([used[first][:, 1::2], used[first][:, ::2]], dim=1)
+    renamed = reading.rename(used, _RULES)
+    checkpoint.check_sizes(lambda: build(config), renamed, f"{path}, MDM")
+    network = build(config)
+    checkpoint.load_weights(network, renamed, f"{path}, MDM")
+    vae = IdentityVAEConfig(config.latent_width)
+    origin = replace(origin, text_encoder=origin.text_encoder or _TEXT_ENCODER)
+    card = model_card(path, vae, config, origin)
+    sentences = isinstance(card.condition, TextTask)
+    if sentences:
+        conditioning = TextConditioning(null="zeros")
+        card = replace(card, condition=replace(card.condition, conditioning=conditioning))
+    terms = "as its authors say (MDM's code is MIT; the data behind it has terms of its own)"
+    card = replace(
+        card,
+        schedule=Cosine(origin.diffusion_steps),
+        parametrization=Sample(),
+        sampling=Sampling(origin.diffusion_steps, 2.5, "ddpm"),
+        frames=_FRAMES if sentences else card.frames,
+        provenance=replace(card.provenance, license=terms),
+    )
+    return checkpoint.LatentModel(card, build(vae), network)
+
+
+def _config(weights: Weights, origin: Origin) -> DenoiserConfig:
+    width, features = shape(weights, "input_process.poseEmbedding.weight")
+    if "embed_text.weight" in weights:
+        words = shape(weights, "embed_text.weight")[1]
+    else:
+        words = shape(weights, "embed_action.action_embedding")[0]
+    return DenoiserConfig(
+        latent_width=features,
+        condition_width=words,
+        transformer=transformer(weights, _STACK, replace(origin.unstated, activation="gelu")),
+        condition_projection="linear" if "embed_text.weight" in weights else "table",
+        words="added_to_time",
+        positions="context_first",
+        position="sine",
+        sine_width=width,
+    )
