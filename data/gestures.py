@@ -1,17 +1,17 @@
-"""Draws the gestures of gestures.toml on a recording of a person who stands.
+"""Draws the movements of gestures.toml on recordings of a person who stands or walks.
 
     python data/gestures.py moves
     latentmotion teach data/starter.pack --wordings ... --compact -o moves
 
-Hands follow targets with minimum jerk (Flash and Hogan 1985), arms by two-bone inverse kinematics;
-all else is the recording. The first command writes an index of these clips, the second adds those
-of the data to it, as in the index that ships.
+Hands, feet and pelvis follow targets along monotone cubic curves (Fritsch and Carlson 1980), arms
+and legs by two-bone inverse kinematics; all else is the recording. The first command writes an
+index of these clips, the second adds those of the data to it, as in the index that ships.
 """
 
 from __future__ import annotations
 
-import itertools
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,11 +24,17 @@ from latentmotion import MotionPipeline
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.model.card import MOVES_FILE
+from latentmotion.retrieval.index import DRAWN
 from latentmotion.retrieval.teach import ShownClip, build_index
 
 HERE = Path(__file__).parent
-STANDING = "snu-wd2_idle_65-00000"
-"""Recording of a person who stands, from which the rest of the body is."""
+
+RECORDINGS = {
+    "stand": "snu-wd2_idle_65-00000",
+    "walk": "cmu-69_01-00000",
+    "stroll": "snu-wd2_WalkForwardSlow01-00000",
+}
+"""Recordings on which movements are drawn."""
 
 SIDES = {"right": 1.0, "left": -1.0}
 """Sides of the body, and the sign of outward along the axis to the right."""
@@ -36,160 +42,293 @@ SIDES = {"right": 1.0, "left": -1.0}
 EASE = 0.3
 """Seconds in which an oscillation begins and ends."""
 
+SHOULDER_RISE = 0.1
+"""Meters by which a shoulder rises with a hand from hanging to 0.4 m above the shoulder."""
+
+LIFTED = 0.2
+"""Height in meters of an ankle over its place on the floor from which its foot follows the
+shank."""
+
+ELBOW, KNEE = (0.5, -0.8, -0.2), (0.12, 0.0, 1.0)
+"""Where an elbow and a knee point to unless a movement says otherwise: outward, up, forward."""
+
+ROUND = 0.2
+"""Meters from its shoulder up to which a hand goes round it, in front, rather than through it."""
+
+SHARPEST = 0.3
+"""Least distance of hip and ankle, shoulder and wrist, as a share of the limb's length."""
+
 Points = Float[np.ndarray, "frames 3"]
+
+
+@dataclass
+class Body:
+    """A body over time whose joints are moved."""
+
+    joints: Float[np.ndarray, "frames joints 3"]
+    """Joints, meters; in the first frame the pelvis is above the origin and faces along z."""
+    at: dict[str, int]
+    """Numbers of the joints by name."""
+    heading: Float[np.ndarray, "frames 3 3"]
+    """Right, up and forward of the recording."""
+    axes: Float[np.ndarray, "frames 3 3"]
+    """The same of the pelvis as it is turned."""
+
+    def limb(self, side: str, parts: str) -> list[int]:
+        """Returns the numbers of joints of one side."""
+        return [self.at[f"{side}_{part}"] for part in parts.split()]
+
+    def offset(
+        self, by: Sequence[float], sign: float = 1.0, axes: np.ndarray | None = None
+    ) -> Points:
+        """Returns meters outward, up and forward as a vector for each frame."""
+        return np.einsum(
+            "c,fcd->fd", np.array(by) * (sign, 1, 1), self.axes if axes is None else axes
+        )
 
 
 def draw(
     gesture: dict[str, Any],
-    standing: Float[np.ndarray, "frames joints 3"],
+    recording: Float[np.ndarray, "frames joints 3"],
     names: list[str],
     fps: float,
 ) -> Float[np.ndarray, "frames joints 3"]:
-    """Returns joints of a gesture, meters.
+    """Returns joints of a movement, meters.
 
     Args:
         gesture: A row of gestures.toml.
-        standing: A recording, played to and fro until it is long enough.
+        recording: Played to and fro until it is long enough if the person stands.
         names: Of its joints.
         fps: Of the recording.
     """
-    frames = round(gesture["seconds"] * fps)
-    repeats = -(-frames // (2 * len(standing)))
-    joints = np.concatenate([standing, standing[::-1]] * repeats)[:frames].copy()
+    frames = round(gesture["seconds"] * fps) + 1  # velocities lose one
     times = np.arange(frames) / fps
-    at = {name: n for n, name in enumerate(names)}
-    across = joints[:, at["right_hip"]] - joints[:, at["left_hip"]]
-    across[:, 1] = 0
-    right = across / np.linalg.norm(across, axis=1, keepdims=True)
-    up = np.broadcast_to([0.0, 1.0, 0.0], right.shape)
-    axes = np.stack([right, up, np.cross(up, right)], axis=1)
-    hands = {s: joints[:, at[f"{s}_wrist"]] - joints[:, at[f"{s}_shoulder"]] for s in SIDES}
-    elbows = {
-        s: joints[:, at[f"{s}_elbow"]]
-        - (joints[:, at[f"{s}_shoulder"]] + joints[:, at[f"{s}_wrist"]]) / 2
-        for s in SIDES
-    }
-    trunk = [
-        at[name]
-        for name in names
-        if not any(leg in name for leg in ("hip", "knee", "ankle", "foot", "pelvis"))
+    body = _body(gesture, recording, names, frames)
+    start, joints, at = body.joints.copy(), body.joints, body.at
+    swings = gesture.get("swing", [])
+
+    def curve(name: str, size: int = 1) -> Float[np.ndarray, "frames size"]:
+        keys = gesture.get(name, [[0.0] * (size + 1)])
+        points = np.repeat(np.array([key[1:] for key in keys])[:, None], frames, axis=1)
+        values = _along([key[0] for key in keys], points, times)
+        for swing in swings:
+            if swing["of"] == name:
+                values = values + np.outer(_wave(swing, times), swing["by"])
+        return values
+
+    legs = [n for name, n in at.items() if any(p in name for p in ("knee", "ankle", "foot"))]
+    upper = [n for n in range(len(names)) if n not in legs]
+    for axis, sign, angle in zip((0, 2, 1), (-1, 1, 1), curve("body", 3).T, strict=True):
+        _turn(joints, upper, at["pelvis"], body.axes[:, axis], sign * angle)
+        _turn(body.axes, [0, 1, 2], None, body.axes[:, axis].copy(), sign * angle)
+    joints[:, upper] += body.offset((1, 1, 1), axes=curve("pelvis", 3)[:, :, None] * body.heading)[
+        :, None
     ]
-    _turn(joints, trunk, at["spine1"], right, -_curve(gesture.get("lean"), times))
-    _turn(joints, trunk, at["spine1"], up, _curve(gesture.get("twist"), times))
-    _turn(joints, [at["head"]], at["neck"], right, -_curve(gesture.get("nod"), times))
-    raised = _curve(gesture.get("shrug"), times)[:, None] * up
+    trunk = [n for n in upper if not any(p in names[n] for p in ("hip", "pelvis"))]
+    for part in ("spine1", "spine2", "spine3"):
+        moved = [n for n in trunk if not names[n].startswith("spine") or names[n] >= part]
+        for name, axis, sign in (("lean", 0, -1), ("twist", 1, 1), ("bend", 2, 1)):
+            _turn(joints, moved, at[part], body.axes[:, axis], sign * curve(name)[:, 0] / 3)
+    _turn(joints, [at["head"]], at["neck"], body.axes[:, 0], -curve("nod")[:, 0])
+    raised = curve("shrug") * body.axes[:, 1]
     for side in SIDES:
-        joints[:, at[f"{side}_collar"]] += raised / 2
-        joints[:, [at[f"{side}_{part}"] for part in ("shoulder", "elbow", "wrist")]] += raised[
-            :, None
-        ]
+        collar, *arm = body.limb(side, "collar shoulder elbow wrist")
+        joints[:, collar] += raised / 2
+        joints[:, arm] += raised[:, None]
+    turned = np.einsum("fca,fcb->fab", body.heading, body.axes)
     for side, sign in SIDES.items():
-        keys = gesture.get(side, gesture.get("both"))
-        if not keys:
-            continue
-        shoulder = joints[:, at[f"{side}_shoulder"]]
-        led = _path([[key[0], 0.0 if key[1] == "rest" else 1.0] for key in keys], times)
-        targets = _targets(keys, joints, at, side, axes, times)
-        for name in ("swing", f"swing_{side}", "swing_across"):
-            if name in gesture:
-                offset = np.array(gesture[name]["by"]) * (sign, 1, 1)
-                targets += _wave(gesture[name], times)[:, None] * np.einsum(
-                    "c,fcd->fd", offset, axes
-                )
-        resting = shoulder + hands[side]
-        wrist = resting + led * (targets - resting)
-        outward = np.array(
-            gesture.get(f"elbow_{side}", gesture.get("elbow_both", [0.5, -0.8, -0.2]))
-        )
-        pole = _unit(np.einsum("c,fcd->fd", outward * (sign, 1, 1), axes))
-        pole = _unit(elbows[side]) * (1 - led) + pole * led
-        _reach(
-            joints, [at[f"{side}_{part}"] for part in ("shoulder", "elbow", "wrist")], wrist, pole
-        )
+        arm = body.limb(side, "shoulder elbow wrist")
+        hang = np.einsum("fd,fdb->fb", start[:, arm[2]] - start[:, arm[0]], turned)
+        bent = start[:, arm[1]] - (start[:, arm[0]] + start[:, arm[2]]) / 2
+        bent = np.einsum("fd,fdb->fb", bent, turned)
+        keys = gesture.get(side, gesture.get("both", [[0.0, "rest"]]))
+        if any(key[1:] != ["rest"] for key in keys):
+            wrist, led = _led(body, keys, side, joints[:, arm[0]] + hang, times)
+            higher = ((wrist - joints[:, arm[0]]) * body.axes[:, 1]).sum(axis=1)
+            higher = led[:, 0] * np.clip((higher + 0.5) / 0.9, 0, 1)
+            rise = (SHOULDER_RISE * higher[:, None] * body.axes[:, 1])[:, None]
+            joints[:, [body.at[f"{side}_collar"], *arm]] += rise * [[0.5], [1.0], [1.0], [1.0]]
+            wrist, _ = _led(body, keys, side, joints[:, arm[0]] + hang, times)
+            wrist += led * _swung(body, swings, (side, "both"), sign, times)
+            near = np.linalg.norm(wrist - joints[:, arm[0]], axis=1, keepdims=True)
+            wrist += np.maximum(ROUND - near, 0) * led * body.axes[:, 2]
+            pole = _pole(gesture, "elbow", side, "both", ELBOW)
+            pole = _unit(bent) * (1 - led) + _unit(body.offset(pole, sign)) * led
+            _reach(joints, arm, wrist, pole)
+        else:
+            _reach(joints, arm, joints[:, arm[0]] + hang, _unit(bent))
+        _step(body, gesture, start, side, times)
     return joints
 
 
-def _targets(
-    keys: list[list[Any]],
-    joints: np.ndarray,
-    at: dict[str, int],
-    side: str,
-    axes: np.ndarray,
-    times: np.ndarray,
-) -> Points:
-    """Returns where a hand is led to; where it rests, that is the nearest target in time."""
-    aimed = [key for key in keys if key[1] != "rest"]
-    nearest = [
-        key if key in aimed else min(aimed, key=lambda a: abs(a[0] - key[0])) for key in keys
-    ]
-    points = []
-    for _, anchor, *offset in nearest:
-        joint = at.get(anchor, at.get(f"{side}_{anchor}"))
-        moved = np.array(offset) * (SIDES[side], 1, 1)
-        points.append(joints[:, joint] + np.einsum("c,fcd->fd", moved, axes))
-    low = np.clip(
-        np.searchsorted([key[0] for key in keys], times, side="right") - 1, 0, len(keys) - 1
+def _body(gesture: dict[str, Any], recording: np.ndarray, names: list[str], frames: int) -> Body:
+    """Returns the recording from the origin, at a gesture's speed and as long as it is."""
+    at = {name: n for n, name in enumerate(names)}
+    speed = gesture.get("speed", 1.0)
+    if gesture.get("on", "stand") == "stand":
+        repeats = -(-round(frames * speed) // (2 * len(recording))) + 1
+        recording = np.concatenate([recording, recording[::-1]] * repeats)
+    moments = np.minimum(np.arange(frames) * speed, len(recording) - 1.001)
+    low, part = moments.astype(int), (moments % 1)[:, None, None]
+    joints = recording[low] * (1 - part) + recording[low + 1] * part
+    across = joints[:, at["right_hip"]] - joints[:, at["left_hip"]]
+    across[:, 1] = 0
+    width = np.hanning(17)[:, None] / np.hanning(17).sum()
+    padded = np.pad(_unit(across), ((8, 8), (0, 0)), "edge")
+    right = _unit(
+        np.stack([np.convolve(padded[:, d], width[:, 0], "valid") for d in range(3)], axis=1)
     )
-    high = np.minimum(low + 1, len(keys) - 1)
-    start, end = (np.array([key[0] for key in keys])[n] for n in (low, high))
-    share = _eased((times - start) / np.maximum(end - start, 1e-6))[:, None]
-    every, frames = np.stack(points), np.arange(len(times))
-    return every[low, frames] * (1 - share) + every[high, frames] * share
+    x, _, z = right[0]  # turned so that the right of the first frame is -x
+    turn = np.array([[-x, 0, z], [0, 1, 0], [-z, 0, -x]])
+    joints = (joints - joints[0, at["pelvis"]] * (1, 0, 1)) @ turn
+    right = right @ turn
+    up = np.broadcast_to([0.0, 1.0, 0.0], right.shape)
+    axes = np.stack([right, up, np.cross(up, right)], axis=1)
+    return Body(joints, at, axes.copy(), axes.copy())
 
 
-def _eased(share: np.ndarray) -> np.ndarray:
-    """Returns the way of least jerk from 0 to 1."""
-    share = np.clip(share, 0, 1)
-    return share**3 * (10 - 15 * share + 6 * share**2)
+def _led(
+    body: Body, keys: list[list[Any]], side: str, rest: Points, times: np.ndarray
+) -> tuple[Points, Float[np.ndarray, "frames 1"]]:
+    """Returns where a hand or a foot is led to, and how much it is led rather than at rest."""
+    points = []
+    for _, anchor, *by in keys:
+        offset = by or (0.0, 0.0, 0.0)
+        if anchor == "rest":
+            points.append(rest + body.offset(offset, SIDES[side], body.heading))
+        elif anchor == "floor":
+            points.append(body.offset(offset, SIDES[side], body.heading[:1].repeat(len(rest), 0)))
+        else:
+            joint = body.at.get(anchor, body.at.get(f"{side}_{anchor}"))
+            assert joint is not None, anchor
+            points.append(body.joints[:, joint] + body.offset(offset, SIDES[side]))
+    moments = [key[0] for key in keys]
+    led = np.array([0.0 if key[1:] == ["rest"] else 1.0 for key in keys])
+    shares = np.repeat(led[:, None, None], len(times), axis=1)
+    return _along(moments, np.stack(points), times), _along(moments, shares, times)
 
 
-def _path(keys: list[list[float]], times: np.ndarray) -> Float[np.ndarray, "frames 1"]:
-    """Returns numbers that go from key to key with minimum jerk."""
-    values = np.full(len(times), float(keys[0][1]))
-    for (start, _), (end, value) in itertools.pairwise(keys):
-        values += (value - values) * _eased((times - start) / (end - start)) * (times > start)
-        values[times >= end] = value
-    return values[:, None]
+def _step(
+    body: Body, gesture: dict[str, Any], start: np.ndarray, side: str, times: np.ndarray
+) -> None:
+    """Puts a leg's ankle to its target, the knee and the foot accordingly."""
+    sign, swings = SIDES[side], gesture.get("swing", [])
+    hip, knee, ankle, toe = body.limb(side, "hip knee ankle foot")
+    floor = float(start[:, ankle, 1].min())
+    rest = start[:, ankle].copy()
+    rest[:, 1] = floor + gesture.get("lift", 1.0) * (rest[:, 1] - floor)
+    beside = ((rest - start[:, 0]) * body.heading[:, 0]).sum(1, keepdims=True) * body.heading[:, 0]
+    rest += (gesture.get("width", 1.0) - 1) * beside
+    keys = gesture.get(f"foot_{side}", gesture.get("feet", [[0.0, "rest"]]))
+    place, _ = _led(body, keys, side, rest, times)
+    place = place + _swung(body, swings, (f"foot_{side}", "feet"), sign, times)
+    on_floor = _along(
+        [key[0] for key in keys],
+        np.repeat([[[floor * (key[1] == "floor")]] for key in keys], len(times), axis=1),
+        times,
+    )
+    place[:, 1:2] += on_floor
+    pole = _unit(body.offset(_pole(gesture, "knee", side, "feet", KNEE), sign))
+    foot = start[:, toe] - start[:, ankle]
+    shank = _unit(start[:, ankle] - start[:, knee])
+    body.joints[:, [knee, ankle, toe]] += (body.joints[:, hip] - start[:, hip])[:, None]
+    _reach(body.joints, [hip, knee, ankle], place, pole)
+    toes = _pole(gesture, "toes", side, "feet", None)
+    if toes is not None:
+        points = np.stack([body.offset(key[1:], sign, body.heading) for key in toes])
+        aimed = _along([key[0] for key in toes], points, times)
+    else:
+        now = _unit(body.joints[:, ankle] - body.joints[:, knee])
+        share = np.clip((body.joints[:, ankle, 1:2] - rest[:, 1:2]) / LIFTED, 0, 1)
+        aimed = foot * (1 - share) + _carried(foot, shank, now) * share
+    length = np.linalg.norm(foot, axis=1, keepdims=True)
+    body.joints[:, toe] = body.joints[:, ankle] + _unit(aimed) * length
 
 
-def _curve(keys: list[list[float]] | None, times: np.ndarray) -> Float[np.ndarray, " frames"]:
-    return _path(keys, times)[:, 0] if keys else np.zeros(len(times))
+def _pole(gesture: dict[str, Any], name: str, side: str, both: str, usual: Any) -> Any:
+    return gesture.get(f"{name}_{side}", gesture.get(f"{name}_{both}", usual))
+
+
+def _along(
+    moments: Sequence[float], points: Float[np.ndarray, "keys frames size"], times: np.ndarray
+) -> Float[np.ndarray, "frames size"]:
+    """Returns points from key to key along monotone cubics, which rest where two keys agree."""
+    at = np.array(moments, float)
+    if len(at) == 1:
+        return points[0]
+    step = np.diff(at)[:, None, None]
+    slope = np.diff(points, axis=0) / step
+    before, after = slope[:-1], slope[1:]
+    same = before * after > 1e-12
+    both = np.where(same, before + after, 1.0)
+    tangent = np.zeros_like(points)
+    tangent[1:-1] = np.where(same, 2 * before * after / both, 0.0)
+    low = np.clip(np.searchsorted(at, times, side="right") - 1, 0, len(at) - 2)
+    frames = np.arange(len(times))
+    width = step[low, 0]
+    s = np.clip((times - at[low]) / width[:, 0], 0, 1)[:, None]
+    return (
+        points[low, frames] * (1 + 2 * s) * (1 - s) ** 2
+        + points[low + 1, frames] * (3 - 2 * s) * s**2
+        + tangent[low, frames] * width * s * (1 - s) ** 2
+        - tangent[low + 1, frames] * width * s**2 * (1 - s)
+    )
+
+
+def _swung(
+    body: Body, swings: list[dict[str, Any]], of: tuple[str, ...], sign: float, times: np.ndarray
+) -> Points:
+    """Returns the oscillations of a hand or a foot."""
+    moved = np.zeros((len(times), 3))
+    for swing in swings:
+        if swing["of"] in of:
+            moved += _wave(swing, times)[:, None] * body.offset(swing["by"], sign)
+    return moved
 
 
 def _wave(swing: dict[str, Any], times: np.ndarray) -> Float[np.ndarray, " frames"]:
     begin, end = swing["between"]
-    envelope = _eased((times - begin) / EASE) * _eased((end - times) / EASE)
+    rise, fall = np.clip((times - begin) / EASE, 0, 1), np.clip((end - times) / EASE, 0, 1)
+    envelope = rise**2 * (3 - 2 * rise) * fall**2 * (3 - 2 * fall)
     return envelope * np.sin(2 * np.pi * swing["hertz"] * (times - begin) + swing.get("phase", 0))
 
 
 def _turn(
-    joints: np.ndarray, moved: list[int], pivot: int, axis: Points, degrees: np.ndarray
+    joints: np.ndarray, moved: list[int], pivot: int | None, axis: Points, degrees: np.ndarray
 ) -> None:
-    """Turns joints around one of them (Rodrigues)."""
+    """Turns joints around one of them, or directions (Rodrigues)."""
     angle = np.radians(degrees)[:, None, None]
-    about = joints[:, moved] - joints[:, [pivot]]
-    k = axis[:, None]
+    center = 0.0 if pivot is None else joints[:, [pivot]].copy()
+    about, k = joints[:, moved] - center, axis[:, None]
     along = (about * k).sum(-1, keepdims=True) * k
-    turned = (
-        about * np.cos(angle) + np.cross(k, about) * np.sin(angle) + along * (1 - np.cos(angle))
+    joints[:, moved] = (
+        center
+        + about * np.cos(angle)
+        + np.cross(k, about) * np.sin(angle)
+        + along * (1 - np.cos(angle))
     )
-    joints[:, moved] = joints[:, [pivot]] + turned
 
 
-def _reach(joints: np.ndarray, arm: list[int], wrist: Points, pole: Points) -> None:
-    """Puts a wrist to a place, or as near as the arm is long, with the elbow towards a pole."""
-    shoulder, elbow, hand = (joints[:, n] for n in arm)
-    upper, fore = np.linalg.norm(elbow - shoulder, axis=1), np.linalg.norm(hand - elbow, axis=1)
-    way = wrist - shoulder
-    distance = np.clip(
-        np.linalg.norm(way, axis=1), abs(upper - fore) + 0.05, 0.995 * (upper + fore)
-    )
+def _carried(vectors: Points, before: Points, after: Points) -> Points:
+    """Returns vectors turned by the smallest turn from one direction to another."""
+    axis, cosine = np.cross(before, after), (before * after).sum(1, keepdims=True)
+    along = axis * (axis * vectors).sum(1, keepdims=True) / np.maximum(1 + cosine, 1e-6)
+    return vectors * cosine + np.cross(axis, vectors) + along
+
+
+def _reach(joints: np.ndarray, limb: list[int], end: Points, pole: Points) -> None:
+    """Puts a limb's end to a place, or as near as it is long, its middle joint towards a pole."""
+    root, middle, tip = (joints[:, n] for n in limb)
+    upper, lower = np.linalg.norm(middle - root, axis=1), np.linalg.norm(tip - middle, axis=1)
+    way = end - root
+    longest = upper + lower
+    distance = np.clip(np.linalg.norm(way, axis=1), SHARPEST * longest, 0.995 * longest)
     way = _unit(way)
-    along = (upper**2 - fore**2 + distance**2) / (2 * distance)
+    along = (upper**2 - lower**2 + distance**2) / (2 * distance)
     aside = np.sqrt(np.maximum(upper**2 - along**2, 0))
     pole = _unit(pole - way * (way * pole).sum(1, keepdims=True))
-    joints[:, arm[1]] = shoulder + way * along[:, None] + pole * aside[:, None]
-    joints[:, arm[2]] = shoulder + way * distance[:, None]
+    joints[:, limb[1]] = root + way * along[:, None] + pole * aside[:, None]
+    joints[:, limb[2]] = root + way * distance[:, None]
 
 
 def _unit(vectors: Points) -> Points:
@@ -198,14 +337,14 @@ def _unit(vectors: Points) -> Points:
 
 @dataclass(frozen=True)
 class Gestures:
-    """Write an index of the gestures."""
+    """Write an index of the movements."""
 
     out: tyro.conf.Positional[Path]
     """Folder of moves."""
     table: Path = HERE / "gestures.toml"
-    """The gestures."""
+    """The movements."""
     data: Path = HERE / "starter.pack"
-    """Prepared data with the recording."""
+    """Prepared data with the recordings."""
     model: str = "starter"
     """Name or folder of the model whose encoders are used."""
 
@@ -213,24 +352,28 @@ class Gestures:
         """Writes it."""
         dataset, pipeline = Dataset.load(self.data), MotionPipeline.from_pretrained(self.model)
         space = dataset.representation
-        clip = next(clip for clip in dataset.clips("train") if clip.id == STANDING)
-        owner = next(source for source in dataset.sources if source.name == clip.source)
-        standing = space.decode(dataset.features(clip)).astype(np.float64)
-        names = [*space.skeleton.names]
-        shown = []
+        clips = {clip.id: clip for clip in dataset.clips("train")}
+        recordings = {
+            name: space.decode(dataset.features(clips[clip])).astype(np.float64)
+            for name, clip in RECORDINGS.items()
+        }
+        names, shown = [*space.skeleton.names], []
+        owners = {clips[clip].source for clip in RECORDINGS.values()}
         for number, gesture in enumerate(tomllib.loads(self.table.read_text("utf-8"))["gesture"]):
-            joints = draw(gesture, standing, names, space.fps)
-            features = space.encode(joints)
+            name = gesture.get("on", "stand")
+            features = space.encode(draw(gesture, recordings[name], names, space.fps))
             captions = tuple(Caption(text, 0, len(features)) for text in gesture["captions"])
-            name = f"gesture-{number:02d}"
-            shown.append(ShownClip(name, "gestures", STANDING, features, captions))
-        credit = f"Latent Motion, gestures drawn on a recording of {owner.credit}"
-        source = Source("gestures", owner.license, credit)
+            origin = RECORDINGS[name]
+            shown.append(ShownClip(f"gesture-{number:03d}", "gestures", origin, features, captions))
+        credits = [source.credit for source in dataset.sources if source.name in owners]
+        licenses = {source.license for source in dataset.sources if source.name in owners}
+        credit = f"Latent Motion, drawn on recordings of {'; '.join(credits)}"
+        source = Source("gestures", " and ".join(sorted(licenses)), credit)
         encoders = pipeline.feature_encoder, pipeline.text_encoder
-        index = build_index(shown, [source], pipeline.card, *encoders).preferred()
+        index = build_index(shown, [source], pipeline.card, *encoders).preferred(DRAWN)
         self.out.mkdir(parents=True, exist_ok=True)
         index.write(self.out / MOVES_FILE)
-        print(f"{len(index.clips)} gestures, {len(index.captions)} sentences in {self.out}")
+        print(f"{len(index.clips)} movements, {len(index.captions)} sentences in {self.out}")
 
 
 if __name__ == "__main__":

@@ -89,7 +89,7 @@ def test_values_of_from_clips_are_counted(fast):
 @pytest.mark.parametrize(
     ("sentence", "about"),
     [
-        ("a person plays the piano", "piano"),
+        ("a person milks a cow", "cow"),
         ("a dog runs", "dog"),
         ("wiggle your fingers", "fingers"),
         ("the economy is growing", "economy"),
@@ -115,7 +115,11 @@ def test_nothing_is_said_of_what_is_known(fast, sentence):
 @pytest.mark.filterwarnings("ignore::latentmotion.retrieval.doubts.DoubtWarning")
 @pytest.mark.parametrize(
     ("prompt", "word"),
-    [("archery", "bow and arrow"), ("ape around", "monkey"), ("push a kid on the swing", "swing")],
+    [
+        ("shovel the driveway", "shovel"),
+        ("ape around", "monkey"),
+        ("push a kid on the swing", "swing"),
+    ],
 )
 def test_an_activity_is_read_in_words_of_captions(fast, prompt, word):
     reading = fast.read(prompt)
@@ -230,12 +234,12 @@ def test_a_sentence_near_a_taught_clip_is_read_as_it_stands(fast, tmp_path):
     from latentmotion.retrieval.teach import ShownClip, build_index
 
     features = fast.representation.encode(fast(FREQUENT, seconds=3, takes=1).joints)
-    caption = Caption("my own archery routine with a longbow", 0, len(features))
+    caption = Caption("i ape around", 0, len(features))
     clip = ShownClip("mine", "me", "mine", features, (caption,))
     encoders = fast.feature_encoder, fast.text_encoder
     index = build_index([clip], [Source("me", "CC0", "me")], fast.card, *encoders).preferred()
     taught = fast.with_moves(index)
-    assert fast.read("archery practice").caption and taught.read("archery practice").caption is None
+    assert fast.read("ape around").caption and taught.read("ape around").caption is None
 
 
 @pytest.mark.parametrize("idle", ["someone", "person, then walk forward"])

@@ -21,7 +21,12 @@ from latentmotion.pipeline import MotionPipeline
 from latentmotion.retrieval.index import ClipIndex, index_file, joined
 from latentmotion.retrieval.teach import ShownClip, build_index, shown_clips
 from latentmotion.retrieval.thinning import thinned
-from latentmotion.retrieval.wordings import along_discriminants, read_wordings, with_wordings
+from latentmotion.retrieval.wordings import (
+    along_discriminants,
+    distinct,
+    read_wordings,
+    with_wordings,
+)
 from latentmotion.storage.files import check_writable
 
 _MOTION = f"Motion file: {' '.join(formats.READABLE)}."
@@ -83,6 +88,8 @@ class Teach:
         if target.exists():
             earlier = joined([index_file(self.output)], index.latent_space, index.text_encoder)
             index = earlier.joined(index)
+        if self.compact:
+            index = distinct(along_discriminants(index))
         self.output.mkdir(exist_ok=True)
         index.write(target)
         print(f"wrote {target}: {len(index.clips)} clips, {len(index.captions)} sentences")
@@ -106,7 +113,7 @@ class Teach:
         index = thinned(index)
         if self.wordings:
             index = with_wordings(index, read_wordings(self.wordings), condition.encoder)
-        return along_discriminants(index) if self.compact else index
+        return index
 
     def _clip_of(self, pipeline: MotionPipeline, number: int, motion: formats.Motion) -> ShownClip:
         space = pipeline.representation

@@ -1,6 +1,6 @@
 """Best of several takes: claims and match of sentence and motion, less what feet and jerk cost.
 
-    score = 2 (1 − rarity) · claims + cosine(sentence, motion) + advantage of its start
+    score = (1 − rarity) (2 · claims + cosine(sentence, motion)) + advantage of its start
             − sliding − 2 · (penetration + floating) − max(0, jerk − 150)/1000
 
 `claims` is how closely the motion, cleaned up, does what the sentence asks: degrees, counts, sides,
@@ -153,7 +153,7 @@ def ranked(
             warnings.simplefilter("always", CleanUpWarning)
             cleaned = clean_batch(motions, replace(clean_up, in_place=False), corrections)
     advantages = [0.0] * len(motions) if advantages is None else advantages
-    weight = _CLAIMS * (1 - max(advantages, default=0.0))
+    usual = 1 - max(advantages, default=0.0)
     takes = []
     for motion, match, after, advantage in zip(
         motions, matches.tolist(), cleaned, advantages, strict=True
@@ -164,7 +164,7 @@ def ranked(
         if request.claims:
             claims = closeness(request, scene_of((after or motion).joints.astype(np.float64)))
         costs = sliding + _OFF_FLOOR * (depth + hovers) + _JERK * max(0.0, jerk - _USUAL_JERK)
-        score = weight * claims + match + advantage - costs
+        score = usual * (_CLAIMS * claims + match) + advantage - costs
         takes.append(
             Take(motion, score, claims, match, sliding, depth, hovers, jerk, advantage, after)
         )

@@ -146,9 +146,11 @@ class Doubts:
             (neighbor,) = self.index.nearest(vectors, 1)
             wording = self.index.nearest_by_wording(vectors)
             caption = neighbor.caption.text
-            if outside and outside[0] in part.lower() and outside[0] not in caption.lower():
+            near = neighbor.cosine >= NEAR_ENOUGH
+            named = outside and outside[0] in part.lower()
+            if outside and named and not (near and outside[0] in caption.lower()):
                 return Doubt(outside[0], outside[1], caption)
-            if neighbor.cosine >= NEAR_ENOUGH:
+            if near:
                 continue
             if wording and wording.cosine >= SAID_OTHERWISE:
                 continue

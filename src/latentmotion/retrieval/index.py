@@ -42,6 +42,10 @@ ABOUT = 0.05
 cosines lie farther apart: with 0.03 "walks forward and sits down" was rare, as 23 of 200 known
 sentences were; along principal directions it was not, and 19 were."""
 
+SHOWN, DRAWN = 0, -1
+"""Supports that nothing was counted for: of a clip that a user showed, and of one that was drawn
+for its sentences. Both are started from however frequent the movement is."""
+
 ALL_DIRECTIONS = np.zeros((0, 0), np.float32)
 """Directions of an index that keeps embeddings whole."""
 
@@ -81,8 +85,7 @@ class IndexedCaption:
     end: int
     """One past its last."""
     support: int
-    """Number of clips with a caption of nearly the same meaning (`support.py`); 0 where a user
-    showed the clip, which is started from however frequent the movement is."""
+    """Number of clips with a caption of nearly the same meaning (`support.py`), SHOWN or DRAWN."""
 
 
 @dataclass(frozen=True)
@@ -205,14 +208,16 @@ class ClipIndex:
             sentences: As for `nearest`.
         """
         cosines = self._cosines(sentences).max(axis=1)
-        if self.captions[int(cosines.argmax())].support == 0:
-            return 0
+        nearest = self.captions[int(cosines.argmax())].support
+        if nearest <= SHOWN:
+            return nearest
         near = np.flatnonzero(cosines >= cosines.max() - ABOUT)
         return max(self.captions[row].support for row in near.tolist())
 
-    def preferred(self) -> ClipIndex:
-        """Returns the index with supports of 0: of captions near a sentence its nearest decides."""
-        return replace(self, captions=tuple(replace(one, support=0) for one in self.captions))
+    def preferred(self, support: int = SHOWN) -> ClipIndex:
+        """Returns the index as shown or drawn: of captions near a sentence its nearest decides."""
+        captions = tuple(replace(one, support=support) for one in self.captions)
+        return replace(self, captions=captions)
 
     def latents_of(self, caption: IndexedCaption) -> Float[np.ndarray, "tokens width"]:
         """Returns the latents of the part that a caption tells of, in the denoiser's scale."""
@@ -326,7 +331,9 @@ class ClipIndex:
         about = json.dumps(text, separators=(",", ":"), ensure_ascii=False).encode()
         content = save({**arrays, "text": np.frombuffer(about, np.uint8)})
         with atomic_file(path) as temporary:
-            Path(temporary).write_bytes(zlib.compress(content, 9))
+            # Codes hardly repeat: with few matches of strings zlib packs them 8 % smaller.
+            packing = zlib.compressobj(9, strategy=zlib.Z_FILTERED)
+            Path(temporary).write_bytes(packing.compress(content) + packing.flush())
 
 
 def _values(row: Any) -> list[Any]:

@@ -28,11 +28,15 @@ from latentmotion.language.words import parts_of
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, Reading
-from latentmotion.retrieval.index import LEAST_COSINE, ClipIndex, Neighbor
+from latentmotion.retrieval.index import DRAWN, LEAST_COSINE, SHOWN, ClipIndex, Neighbor
 
 RARE = 20
 """Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes
 another one from noise. With 60 frequent movements lost (lab/diary/rare_acts.md)."""
+
+LEAST_OF_DRAWN = 0.72
+"""Cosine from which a drawn clip may show what a sentence asks for: its sentences are short, and
+share words with others ("ape around" is 0.71 from "sneaks around")."""
 
 UNRELATED = 0.55
 """Cosine up to which a caption says nothing of what a sentence asks for."""
@@ -67,6 +71,12 @@ class Choice:
     def cosine(self) -> float:
         """Cosine of the nearest."""
         return self.neighbors[0].cosine
+
+    @property
+    def is_near(self) -> bool:
+        """Whether the nearest may show the movement."""
+        drawn = self.neighbors[0].caption.support == DRAWN
+        return self.cosine >= (LEAST_OF_DRAWN if drawn else LEAST_COSINE)
 
 
 @dataclass(frozen=True)
@@ -138,15 +148,23 @@ class ClipStarts:
         support = min(part.support for part in parts)
         # Noise has the count or the turn that a sentence asks for exactly more often than a clip,
         # but for a clip that a user showed.
-        exact = support and asked_exactly(reading.sentence, any_length=True) != NO_CORRECTIONS
+        exact = (
+            support != SHOWN and asked_exactly(reading.sentence, any_length=True) != NO_CORRECTIONS
+        )
         rare = support <= (USUAL if reading.caption else RARE) and not exact
-        return parts if rare and all(part.cosine >= LEAST_COSINE for part in parts) else []
+        return parts if rare and all(part.is_near for part in parts) else []
 
     def _choice(self, sentence: str) -> Choice:
         sides = self._sides(sentence)
         near = self.index.nearest(sides, MOST_CHOICES)
         least = near[0].cosine - ALIKE
-        alike = tuple(neighbor for neighbor in near if neighbor.cosine >= least)
+        # A clip that was shown or drawn for a sentence takes turns with none that was not.
+        given = near[0].caption.support <= SHOWN
+        alike = tuple(
+            neighbor
+            for neighbor in near
+            if neighbor.cosine >= least and (neighbor.caption.support <= SHOWN) == given
+        )
         return Choice(alike, self.index.support(sides))
 
     def starts(
@@ -211,9 +229,9 @@ class ClipStarts:
         rarest = min(choices, key=lambda choice: choice.support)
         support = rarest.support
         share = next((share for most, share in SHARES if support <= most), SHARES[-1][1])
+        usual = USUAL / (USUAL + max(support, 0))
         likely = max(rarest.cosine - UNRELATED, 0.0) / (1 - UNRELATED)
-        advantage = likely * USUAL / (USUAL + support)
-        return ClipStart(Start(joined, share), frames, about, advantage)
+        return ClipStart(Start(joined, share), frames, about, likely * usual)
 
     def _latents(self, neighbor: Neighbor) -> Float[np.ndarray, "tokens width"]:
         """Returns the latents of a neighbor's clip, or of its mirror image."""

@@ -76,7 +76,8 @@ def build_index(
     for clip in clips:
         if not clip.captions:
             continue
-        z = encoder(clip.features)
+        # A token that is padded decodes to the mean pose: somebody who lies would rise in the end.
+        z = encoder(clip.features[: len(clip.features) // per_token * per_token or None])
         rows += [(caption, len(indexed)) for caption in clip.captions]
         indexed.append(IndexedClip(clip.id, clip.source, clip.origin, first, len(z)))
         latents.append(z)

@@ -25,7 +25,13 @@ from latentmotion.language.negation import is_idle
 from latentmotion.language.reading import request_of
 from latentmotion.language.sides import both_sides, mirror_words
 from latentmotion.language.words import tokens_of, words_of
-from latentmotion.retrieval.index import EMBEDDING_LEVELS, LEAST_COSINE, ClipIndex, quantized
+from latentmotion.retrieval.index import (
+    EMBEDDING_LEVELS,
+    LEAST_COSINE,
+    SHOWN,
+    ClipIndex,
+    quantized,
+)
 from latentmotion.storage.reading import read_text, unpack_xz
 
 COMPONENTS = 64
@@ -39,7 +45,10 @@ above do not change."""
 SAME = 0.85
 """Cosine from which a caption of the index says the same as one that it was thinned from."""
 
-NEAR_WORDING, NEAR_CAPTION = 0.7, 0.75
+REPEATED = 0.88
+"""Cosine from which a wording repeats another: one in ten; what the rest finds hardly changes."""
+
+NEAR_WORDING, NEAR_CAPTION = 0.7, 0.78
 """Cosine from which a sentence says what a wording does, and from which its own words are near
 enough to those of a caption. Chosen on the acts of benchmarks/quality/acts, by clips in ten."""
 
@@ -79,7 +88,7 @@ def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str 
     if near.cosine <= literal.cosine or request_of(sentence).claims:
         return None
     # A user showed this movement, so it is meant, however well others fit.
-    if literal.caption.support == 0 and literal.cosine >= LEAST_COSINE:
+    if literal.caption.support == SHOWN and literal.cosine >= LEAST_COSINE:
         return None
     caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
     named, captioned = ({LEFT, RIGHT} & {*words_of(text)} for text in (sentence, caption))
@@ -130,19 +139,41 @@ def along_discriminants(index: ClipIndex, components: int = COMPONENTS) -> ClipI
     Such an index joins with those of all directions only.
     """
     vectors = unit(index.embeddings.astype(np.float64))
-    captions = len(index.captions)
-    caption_of = np.concatenate([np.arange(captions), index.wordings])
-    counts = np.bincount(caption_of, minlength=captions)
-    means = np.zeros((captions, vectors.shape[1]))
-    np.add.at(means, caption_of, vectors)
+    # Sentences with which somebody showed one clip say the same, as captions of data need not.
+    said = [
+        -1 - caption.clip if caption.support <= SHOWN else number
+        for number, caption in enumerate(index.captions)
+    ]
+    _, same = np.unique(said, return_inverse=True)
+    same = np.concatenate([same, same[index.wordings]])
+    counts = np.bincount(same)
+    means = np.zeros((len(counts), vectors.shape[1]))
+    np.add.at(means, same, vectors)
     means /= counts[:, None]
-    off = (vectors - means[caption_of]) / np.sqrt(counts[caption_of])[:, None]
+    off = (vectors - means[same]) / np.sqrt(counts[same])[:, None]
     within, between = off.T @ off, np.cov(means.T, bias=True)
     width = len(within)
     within = within / max(float(np.trace(within)), 1e-9) + RIDGE / width * np.eye(width)
     whitening = np.linalg.inv(np.linalg.cholesky(within))
     _, along = np.linalg.eigh(whitening @ between @ whitening.T)
     return index.along((whitening.T @ along[:, ::-1][:, :components]).astype(np.float32))
+
+
+def distinct(index: ClipIndex) -> ClipIndex:
+    """Returns an index without wordings that nearly repeat their caption or another of its own."""
+    vectors = unit(index.embeddings.astype(np.float32))
+    captions = len(index.captions)
+    rows_of: dict[int, list[int]] = {}
+    for row, caption in enumerate(index.wordings.tolist(), captions):
+        rows = rows_of.setdefault(caption, [caption])
+        if float((vectors[rows] @ vectors[row]).max()) < REPEATED:
+            rows.append(row)
+    kept = sorted(row for rows in rows_of.values() for row in rows[1:])
+    return replace(
+        index,
+        wordings=index.wordings[np.array(kept, np.int64) - captions],
+        embeddings=np.concatenate([index.embeddings[:captions], index.embeddings[kept]]),
+    )
 
 
 def read_wordings(files: Sequence[Path]) -> dict[str, list[str]]:
