@@ -16,7 +16,7 @@ from latentmotion import load, plugins
 from latentmotion.cli.main import main
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError, InputError
-from latentmotion.kinematics.bone_names import JOINT_MAPS, find_joint_map, weights_of
+from latentmotion.kinematics.bone_names import find_joint_map, joint_maps, weights_of
 from latentmotion.kinematics.humanoid import find_humanoid
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
@@ -99,16 +99,16 @@ def test_a_skeleton_is_found_by_its_names(installed: Path) -> None:
         found = find_joint_map(names)
     assert found is not None and list(found.values()) == names
     mixamo = [
-        f"mixamorig:{name}" for each in JOINT_MAPS["mixamo"].values() for name in weights_of(each)
+        f"mixamorig:{name}" for each in joint_maps()["mixamo"].values() for name in weights_of(each)
     ]
-    assert find_joint_map(mixamo) is JOINT_MAPS["mixamo"]
+    assert find_joint_map(mixamo) is joint_maps()["mixamo"]
     assert find_joint_map(["a", "b"]) is None
 
 
 def test_a_rig_is_retargeted_by_the_names_of_a_plugin(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    names = {name: f"q{number}" for number, name in enumerate(JOINT_MAPS["humanml3d"])}
+    names = {name: f"q{number}" for number, name in enumerate(joint_maps()["humanml3d"])}
     with pytest.raises(DataError, match="unknown names"):
         find_humanoid(renamed(names))
     install(tmp_path, "quiet", f"NAMES = {names}", {"latentmotion.skeletons": {"q": "quiet:NAMES"}})

@@ -47,15 +47,7 @@ from latentmotion.engine.backend import (
     representation_of,
 )
 from latentmotion.engine.request import GenerationRequest
-from latentmotion.engine.session import (
-    LazySession,
-    PickledByFields,
-    Runtime,
-    Session,
-    open_decoder,
-    open_fused_samplers,
-    open_pullback,
-)
+from latentmotion.engine.session import LazySession, PickledByFields, Runtime, Session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.language.request import asked_exactly, usual_range
 from latentmotion.language.translation import in_english
@@ -178,12 +170,6 @@ class MotionPipeline(PickledByFields):
         """
         folder = cards.find_or_download(model)
         card = cards.read_card(folder)
-        backend = Backend(
-            LazySession(folder / "denoiser.onnx", runtime, threads),
-            open_decoder(card, folder, runtime, threads),
-            open_fused_samplers(card, folder, runtime, threads),
-            open_pullback(folder, runtime, threads),
-        )
 
         def text_encoder() -> TextEncoder:
             files = cards.find_text_encoder(card, folder)
@@ -200,7 +186,7 @@ class MotionPipeline(PickledByFields):
         return cls(
             card,
             card.prompt_condition(text_encoder),
-            backend,
+            Backend.of_folder(card, folder, runtime, threads),
             lengths=lengths and LengthFile(lengths, card.condition.text_encoder),
             encoder=moves and LazySession(moves[1], runtime, threads),
             moves=moves[:1] if moves else (),

@@ -24,12 +24,12 @@ from latentmotion.data.sources.snu import (
 )
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.bvh import write_bvh
-from latentmotion.kinematics.bone_names import JOINT_MAPS, find_joint_map
+from latentmotion.kinematics.bone_names import find_joint_map, joint_maps
 from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from tests.support.mocap_folders import swaying
 
-COURT = JOINT_MAPS["snu_court"]
+COURT = joint_maps()["snu_court"]
 
 
 def court(frames: int, seed: int = 0) -> Animation:
@@ -58,10 +58,10 @@ def recordings(folder: Path) -> list[Recording]:
     return [item for item in snu_recordings(folder) if isinstance(item, Recording)]
 
 
-@pytest.mark.parametrize("name", [name for name in JOINT_MAPS if name.startswith("snu_")])
+@pytest.mark.parametrize("name", [name for name in joint_maps() if name.startswith("snu_")])
 def test_skeletons_are_known_by_their_names(name: str) -> None:
-    names = {source for joint in JOINT_MAPS[name].values() for source in _parts(joint)}
-    assert find_joint_map(sorted(names)) == JOINT_MAPS[name]
+    names = {source for joint in joint_maps()[name].values() for source in _parts(joint)}
+    assert find_joint_map(sorted(names)) == joint_maps()[name]
 
 
 def test_joints_of_a_court_take_are_where_they_were() -> None:

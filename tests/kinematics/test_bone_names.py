@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from latentmotion.errors import DataError
-from latentmotion.kinematics.bone_names import NAME_MAPS, REQUIRED, match_names, nearest
+from latentmotion.kinematics.bone_names import REQUIRED, match_names, name_maps, nearest
 from latentmotion.kinematics.draft import draft_map
 from latentmotion.kinematics.humanoid import find_humanoid, to_humanml3d
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
@@ -197,12 +197,12 @@ def test_twists_alone_are_no_limbs() -> None:
     assert len(match_names(twists).missing) == len(REQUIRED)
 
 
-@pytest.mark.parametrize("convention", NAME_MAPS)
+@pytest.mark.parametrize("convention", name_maps())
 def test_no_convention_is_taken_for_another(convention: str) -> None:
-    names = [words[0] for words in NAME_MAPS[convention].values()]
+    names = [words[0] for words in name_maps()[convention].values()]
     match = match_names(names)
     assert [names[match.joints[name]] for name in REQUIRED] == [
-        NAME_MAPS[convention][name][0] for name in REQUIRED
+        name_maps()[convention][name][0] for name in REQUIRED
     ]
 
 

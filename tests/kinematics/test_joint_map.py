@@ -9,7 +9,7 @@ import pytest
 
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.bvh import read_bvh, write_bvh
-from latentmotion.kinematics.bone_names import JOINT_MAPS, find_joint_map
+from latentmotion.kinematics.bone_names import find_joint_map, joint_maps
 from latentmotion.kinematics.humanoid import load_joint_map, to_humanml3d
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 
@@ -78,7 +78,9 @@ FIGURES = {
 @pytest.mark.parametrize("dialect", FIGURES)
 def test_a_standing_figure_becomes_a_standing_body(dialect):
     figure = FIGURES[dialect]
-    assert find_joint_map(figure.skeleton.names) is JOINT_MAPS.get(dialect, JOINT_MAPS["mixamo"])
+    assert find_joint_map(figure.skeleton.names) is joint_maps().get(
+        dialect, joint_maps()["mixamo"]
+    )
     joints = to_humanml3d(figure)
     assert joints.shape == (1, 22, 3)
     (body,) = joints
@@ -133,7 +135,7 @@ def test_a_map_of_ones_own(tmp_path):
     figure = standing(MIXAMO_PLACES, lambda name: f"my_{name}")
     sources = [
         next(iter(source)) if isinstance(source, dict) else source
-        for source in (JOINT_MAPS["mixamo"][name] for name in HUMANML3D.names)
+        for source in (joint_maps()["mixamo"][name] for name in HUMANML3D.names)
     ]
     joint_map = {n: f"my_{s}" for n, s in zip(HUMANML3D.names, sources, strict=True)}
     expected = to_humanml3d(FIGURES["mixamo"])
@@ -146,7 +148,7 @@ def test_a_map_of_ones_own(tmp_path):
 
 def test_a_map_that_does_not_fit():
     figure = FIGURES["mixamo"]
-    own = dict(JOINT_MAPS["mixamo"])
+    own = dict(joint_maps()["mixamo"])
     with pytest.raises(DataError, match=r"'hips', which is none of .* nearest are 'Hips'"):
         to_humanml3d(figure, own | {"pelvis": "hips"})
     del own["left_wrist"]

@@ -11,7 +11,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, TypeVar
 
 import numpy as np
 
@@ -152,7 +152,7 @@ class TrainingCondition:
 
 
 class Task(ABC):
-    """Interface of a task: the kind of prompt that a model is conditioned on."""
+    """The kind of prompt that a model is conditioned on; what is not overridden means: none."""
 
     name: ClassVar[TaskName]
     """Name of the task in cards and experiments."""
@@ -166,15 +166,14 @@ class Task(ABC):
     """Clips that an evaluation can use, as a phrase for messages."""
 
     @classmethod
-    @abstractmethod
-    def of_training(cls, training: TrainingCondition) -> Task:
+    def of_training(cls: type[AnyTask], training: TrainingCondition) -> AnyTask:
         """Returns the task as training has it.
 
         Raises:
             InputError: There is no text encoder for sentences, or no label for actions.
         """
+        return cls()
 
-    @abstractmethod
     def condition(self, width: int, encoder: Callable[[], TextEncoder]) -> Condition:
         """Returns what turns prompts into words.
 
@@ -182,6 +181,7 @@ class Task(ABC):
             width: Numbers per word that the denoiser expects.
             encoder: Loads the text encoder; called where prompts are sentences.
         """
+        return Unconditional(width)
 
     @abstractmethod
     def check_prompt(self, prompt: str, model: str) -> None:
@@ -191,7 +191,6 @@ class Task(ABC):
     def no_prompt(self, model: str) -> InputError:
         """Returns the error for a missing prompt of the model named."""
 
-    @abstractmethod
     def prompts(self, captions: tuple[str, ...], label: str | None) -> tuple[str, ...] | None:
         """Returns the prompts of a training item; none stand for no condition.
 
@@ -202,20 +201,21 @@ class Task(ABC):
         Returns:
             None where the item can't be learned.
         """
+        return ()
 
-    @abstractmethod
     def question(self, caption: str, label: str | None) -> str:
         """Returns the prompt of an evaluation for a clip of this caption and label."""
+        return ""
 
     @property
-    @abstractmethod
     def condition_width(self) -> int:
-        """Numbers per word that a denoiser of this task sees."""
+        """Numbers per word that a denoiser of this task sees; no words have a width, too."""
+        return 1
 
     @property
     def parents(self) -> dict[str, str]:
         """Names of the models that this one depends on, which its run folder records."""
-        return {}
+        return {"text": self.text_encoder} if self.text_encoder else {}
 
     @property
     def text_encoder(self) -> str | None:
@@ -226,6 +226,9 @@ class Task(ABC):
     def known_prompts(self) -> tuple[str, ...]:
         """All possible prompts, where their number is finite."""
         return ()
+
+
+AnyTask = TypeVar("AnyTask", bound=Task)
 
 
 @dataclass(frozen=True)
@@ -281,11 +284,6 @@ class TextTask(Task):
     def condition_width(self) -> int:
         """Width of the text encoder's vectors."""
         return self.width
-
-    @property
-    def parents(self) -> dict[str, str]:
-        """Name of the text encoder."""
-        return {"text": self.encoder} if self.encoder else {}
 
     @property
     def text_encoder(self) -> str | None:
@@ -356,15 +354,6 @@ class UnconditionalTask(Task):
     prompted = False
     asks_for = "of any kind"
 
-    @classmethod
-    def of_training(cls, training: TrainingCondition) -> UnconditionalTask:
-        """Returns the task."""
-        return cls()
-
-    def condition(self, width: int, encoder: Callable[[], TextEncoder]) -> Unconditional:
-        """Returns no words."""
-        return Unconditional(width)
-
     def check_prompt(self, prompt: str, model: str) -> None:
         """Refuses prompts."""
         if prompt:
@@ -376,19 +365,6 @@ class UnconditionalTask(Task):
     def no_prompt(self, model: str) -> InputError:
         """Returns the error for a missing prompt: the empty one stands for none."""
         return InputError(f'model {model!r} takes no prompt; pass ""')
-
-    def prompts(self, captions: tuple[str, ...], label: str | None) -> tuple[str, ...]:
-        """Returns no prompts, whatever a clip's captions are."""
-        return ()
-
-    def question(self, caption: str, label: str | None) -> str:
-        """Returns the empty prompt."""
-        return ""
-
-    @property
-    def condition_width(self) -> int:
-        """1, since arrays of words have a width even if there are none."""
-        return 1
 
 
 TASKS: dict[TaskName, type[TextTask | ActionTask | UnconditionalTask]] = {

@@ -49,29 +49,11 @@ class Denoiser(Protocol):
         ...
 
 
-@runtime_checkable
-class Estimator(Protocol):
-    """A denoiser with the meaning of its output, as samplers call it at every step."""
-
-    def __call__(
-        self,
-        z: Float[Any, "batch tokens width"],
-        t: float,
-        condition: Conditioning,
-        mask: Bool[Any, "batch tokens"],
-    ) -> Estimates:
-        """Returns the estimates of (z_0, epsilon).
-
-        Args:
-            z: Noisy latents, NumPy or torch.
-            t: Time of all items, in the units of the schedule.
-            condition: Condition of the motion, one row per item.
-            mask: True on real tokens.
-        """
-        ...
-
-
 Latents = Float[Any, "batch tokens width"]
+
+Estimator = Callable[[Latents, float, Conditioning, Bool[Any, "batch tokens"]], Estimates]
+"""A denoiser with the meaning of its output, as samplers call it at every step: noisy latents, the
+time of all items, their condition, and a mask that is True on real tokens."""
 
 
 @runtime_checkable

@@ -17,7 +17,7 @@ from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
@@ -59,10 +59,30 @@ class DiscreteTimes(ABC):
     signal(t) = alpha² = product of 1 - beta up to t, sigma² = 1 - alpha².
     """
 
-    @property
+    length: int
+    """Number of discrete times."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.length <= MOST_STEPS:
+            raise InputError(f"schedule.length {self.length:,}: expected 1 to {MOST_STEPS:,}")
+
     @abstractmethod
-    def signal(self) -> np.ndarray:
-        """The signal at every time, and 1 as the last entry."""
+    def betas(self) -> Float[np.ndarray, " times"]:
+        """Returns the share of the signal that each time loses."""
+
+    @cached_property
+    def signal(self) -> Float[np.ndarray, " times_and_one"]:
+        """The signal at every time, and 1 as the last entry: time -1 has no noise."""
+        return np.append(np.cumprod(1 - self.betas()), 1.0)
+
+    def time_at(self, u: Any) -> Any:
+        """Returns the discrete times floor(u · length), as floating-point numbers like `u`."""
+        return array_namespace(u).floor(u * self.length)
+
+    def leading(self, steps: int) -> Int[np.ndarray, " steps"]:
+        """Returns times with the spacing that diffusers calls leading."""
+        _check_steps(steps, self.length)
+        return np.arange(steps - 1, -1, -1) * (self.length // steps)
 
     def alpha(self, t: Time) -> Any:
         """Returns sqrt of the signal."""
@@ -96,24 +116,16 @@ class ScaledLinear(DiscreteTimes):
     ends_clean: bool = False
     """Whether sampling ends at -1, without noise, instead of at 0."""
 
-    def __post_init__(self) -> None:
-        _check_length(self.length)
-
-    def time_at(self, u: Any) -> Any:
-        """Returns the discrete times floor(u · length), as floating-point numbers like `u`."""
-        return array_namespace(u).floor(u * self.length)
-
     def timesteps(self, steps: int) -> np.ndarray:
-        """Returns times with the spacing that diffusers calls leading."""
+        """Returns leading times with an offset."""
         # With a step for every time there is no room for the offset; diffusers fails there.
-        times = _leading(self.length, steps)
+        times = self.leading(steps)
         offset = min(self.offset, self.length - 1 - int(times[0]))
         return np.append(times + offset, -1 if self.ends_clean else 0).astype(np.float32)
 
-    @cached_property
-    def signal(self) -> np.ndarray:
-        """The signal where sqrt(beta) rises linearly."""
-        return _signal(np.linspace(self.start**0.5, self.end**0.5, self.length) ** 2)
+    def betas(self) -> Float[np.ndarray, " times"]:
+        """Returns betas whose square root rises linearly."""
+        return np.linspace(self.start**0.5, self.end**0.5, self.length) ** 2
 
 
 @dataclass(frozen=True)
@@ -126,25 +138,17 @@ class Cosine(DiscreteTimes):
     length: int = 1000
     """Number of discrete times: 1,000, or 50 in MDM's fast form, which is trained with so few."""
 
-    def __post_init__(self) -> None:
-        _check_length(self.length)
-
-    def time_at(self, u: Any) -> Any:
-        """Returns the discrete times floor(u · length), as floating-point numbers like `u`."""
-        return array_namespace(u).floor(u * self.length)
-
     def timesteps(self, steps: int) -> np.ndarray:
-        """Returns times with the spacing that diffusers calls leading, then -1."""
-        return np.append(_leading(self.length, steps), -1).astype(np.float32)
+        """Returns leading times, then -1."""
+        return np.append(self.leading(steps), -1).astype(np.float32)
 
-    @cached_property
-    def signal(self) -> np.ndarray:
-        """The signal, a squared cosine but for its very end."""
+    def betas(self) -> Float[np.ndarray, " times"]:
+        """Returns the betas that leave f as the signal."""
         fractions = np.arange(self.length + 1) / self.length
         # Nichol & Dhariwal 2021, eq. 17: s = 0.008 keeps the first step from being too small, and
         # betas are clipped at 0.999 near the end.
         f = np.cos(np.pi / 2 * (fractions + 0.008) / 1.008) ** 2
-        return _signal(np.minimum(1 - f[1:] / f[:-1], 0.999))
+        return np.minimum(1 - f[1:] / f[:-1], 0.999)
 
 
 @dataclass(frozen=True)
@@ -173,19 +177,11 @@ class LinearPath:
         return np.linspace(1, 0, steps + 1, dtype=np.float32)
 
 
-@dataclass(frozen=True)
-class PluginSchedule:
-    """A schedule that another package adds, under `latentmotion.schedules`."""
+class _Wrapped:
+    """A schedule with the weights and times of another."""
 
-    plugin: str
-    """Name of its entry point."""
-    settings: dict[str, Any] = field(default_factory=dict)
-    """Keyword arguments of it."""
-
-    @cached_property
-    def schedule(self) -> Schedule:
-        """The schedule itself."""
-        return part_named("latentmotion.schedules", self.plugin)(**self.settings)
+    schedule: Any
+    """The other, a `Schedule`."""
 
     def alpha(self, t: Time) -> Any:
         """Returns the weight of the signal at `t`."""
@@ -203,6 +199,21 @@ class PluginSchedule:
         """Returns the times at the fractions `u` of the schedule."""
         return self.schedule.time_at(u)
 
+
+@dataclass(frozen=True)
+class PluginSchedule(_Wrapped):
+    """A schedule that another package adds, under `latentmotion.schedules`."""
+
+    plugin: str
+    """Name of its entry point."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Keyword arguments of it."""
+
+    @cached_property
+    def schedule(self) -> Schedule:
+        """The schedule itself."""
+        return part_named("latentmotion.schedules", self.plugin)(**self.settings)
+
     def timesteps(self, steps: int) -> np.ndarray:
         """Returns `steps` + 1 descending times."""
         return self.schedule.timesteps(steps)
@@ -210,20 +221,6 @@ class PluginSchedule:
 
 AnySchedule = ScaledLinear | Cosine | LinearPath | PluginSchedule
 """Every schedule that a card or an experiment can name."""
-
-
-def _signal(beta: np.ndarray) -> np.ndarray:
-    return np.append(np.cumprod(1 - beta), 1.0)  # entry -1: no noise
-
-
-def _check_length(length: int) -> None:
-    if not 1 <= length <= MOST_STEPS:
-        raise InputError(f"schedule.length {length:,}: expected 1 to {MOST_STEPS:,}")
-
-
-def _leading(length: int, steps: int) -> np.ndarray:
-    _check_steps(steps, length)
-    return np.arange(steps - 1, -1, -1) * (length // steps)
 
 
 def _look_up(table: np.ndarray, t: Time) -> Any:
@@ -251,7 +248,7 @@ class StepCondition:
 
 
 @dataclass(frozen=True)
-class FewStepSchedule:
+class FewStepSchedule(_Wrapped):
     """A schedule whose timesteps are some of the teacher's solver's."""
 
     schedule: Schedule
@@ -260,19 +257,3 @@ class FewStepSchedule:
     def timesteps(self, steps: int) -> np.ndarray:
         """Returns `steps` + 1 descending timesteps of the solver."""
         return self.schedule.timesteps(self.solver_steps)[:: self.solver_steps // steps]
-
-    def alpha(self, t: Time) -> Any:
-        """Returns the weight of the signal at `t`."""
-        return self.schedule.alpha(t)
-
-    def sigma(self, t: Time) -> Any:
-        """Returns the weight of the noise at `t`."""
-        return self.schedule.sigma(t)
-
-    def velocity_coefficients(self, t: Time) -> tuple[Any, Any]:
-        """Returns the weights of signal and noise in the velocity at `t`."""
-        return self.schedule.velocity_coefficients(t)
-
-    def time_at(self, u: Any) -> Any:
-        """Returns the times at the fractions `u` of the schedule."""
-        return self.schedule.time_at(u)

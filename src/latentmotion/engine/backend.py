@@ -9,15 +9,23 @@ features = decoder(latents) · std + mean
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
+from pathlib import Path
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.engine.session import Session
+from latentmotion.engine.session import (
+    PULLBACK_FILE,
+    LazySession,
+    Runtime,
+    Session,
+    fused_sampler_file,
+    open_decoder,
+)
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import Sampling
@@ -30,52 +38,25 @@ from latentmotion.representation.interface import (
 from latentmotion.representation.smpl import SmplRepresentation
 
 
-@runtime_checkable
-class Padding(Protocol):
-    """The sizes to which a batch is padded."""
+class Padding:
+    """The sizes to which a batch is padded; here it stays as large as it is."""
 
     def rows(self, count: int) -> int:
         """Returns the number of motions after padding."""
-        ...
+        return count
 
     def words(self, count: int) -> int:
         """Returns the number of words of the condition after padding."""
-        ...
+        return count
 
     def frames(self, longest: int) -> int:
         """Returns the number of frames after padding."""
-        ...
-
-
-class NoPadding:
-    """Keeps a batch as large as it is."""
-
-    def rows(self, count: int) -> int:
-        """Returns the count as it is."""
-        return count
-
-    def words(self, count: int) -> int:
-        """Returns the count as it is."""
-        return count
-
-    def frames(self, longest: int) -> int:
-        """Returns the length as it is."""
         return longest
 
 
-@runtime_checkable
-class Launcher(Protocol):
-    """Records functions of arrays, and replays them from then on."""
-
-    def __call__(self, name: Hashable, function: Callable[..., Any], *inputs: Any) -> Any:
-        """Returns the function's output.
-
-        Args:
-            name: Equal for functions that compute the same.
-            function: The function to run.
-            inputs: Its arrays.
-        """
-        ...
+Launcher = Callable[..., Any]
+"""Records functions of arrays, and replays them from then on: takes a name, equal for functions
+that compute the same, the function, and its arrays; returns the function's output."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +93,7 @@ class Backend:
     pullback: Session | None = None
     """Network: latents, mask, gradient of features → gradient of latents; None where there is none,
     so that motions cannot be directed."""
-    padding: Padding = field(default_factory=NoPadding)
+    padding: Padding = field(default_factory=Padding)
     """The sizes to which batches are padded."""
     launch: Launcher | None = None
     """Records functions of arrays and replays them; None calls them as they are."""
@@ -120,6 +101,30 @@ class Backend:
     """Turns a NumPy array into an array of the sessions' library, on their device."""
     to_host: Callable[[Any], np.ndarray] = np.asarray
     """Turns an array of the sessions into a NumPy array."""
+
+    @classmethod
+    def of_folder(
+        cls, card: ModelCard, folder: Path, runtime: Runtime = "auto", threads: int | None = None
+    ) -> Backend:
+        """Opens the graphs of a model folder; each is loaded when it is first needed.
+
+        A fused sampler is one graph from noise to features: noise, words, words_mask, mask, frames,
+        guidance → features in their own units. Python and the engine are called once instead of
+        once per step.
+
+        Raises:
+            MissingExtraError: OpenVINO is requested and not installed.
+            ModelError: Denoiser or decoder is missing.
+        """
+        few_steps = card.few_step.steps if card.few_step else ()
+        fused = {steps: folder / fused_sampler_file(steps) for steps in few_steps}
+        pullback = folder / PULLBACK_FILE
+        return cls(
+            LazySession(folder / "denoiser.onnx", runtime, threads),
+            open_decoder(card, folder, runtime, threads),
+            {n: LazySession(path, runtime, threads) for n, path in fused.items() if path.is_file()},
+            LazySession(pullback, runtime, threads) if pullback.is_file() else None,
+        )
 
     def run_fused(self, batch: Batch, sampling: Sampling) -> Float[Any, "batch frames features"]:
         """Generates features by the fused sampler for this number of steps."""

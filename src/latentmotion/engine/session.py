@@ -99,36 +99,7 @@ def fused_sampler_file(steps: int) -> str:
     return f"fused_{steps}.onnx"
 
 
-def open_fused_samplers(
-    card: ModelCard, folder: Path, runtime: Runtime = "auto", threads: int | None = None
-) -> dict[int, Session]:
-    """Returns a model folder's fused samplers, by number of steps.
-
-    A fused sampler is one graph from noise to features: noise, words, words_mask, mask, frames,
-    guidance → features in their own units. Python and the engine are called once instead of once
-    per step.
-    """
-    sessions: dict[int, Session] = {}
-    for steps in card.few_step.steps if card.few_step else ():
-        path = folder / fused_sampler_file(steps)
-        if path.is_file():
-            sessions[steps] = LazySession(path, runtime, threads)
-    return sessions
-
-
 PULLBACK_FILE = "pullback.onnx"
-
-
-def open_pullback(
-    folder: Path, runtime: Runtime = "auto", threads: int | None = None
-) -> Session | None:
-    """Returns the pullback of a model folder's decoder, or None for a folder without one.
-
-    Raises:
-        MissingExtraError: OpenVINO was asked for and is not installed.
-    """
-    path = folder / PULLBACK_FILE
-    return LazySession(path, runtime, threads) if path.is_file() else None
 
 
 def open_decoder(
@@ -141,13 +112,8 @@ def open_decoder(
         ModelError: The file is missing.
     """
     if not card.vae.has_weights:
-        return raw_frames
+        return lambda latents, mask: latents * mask[..., None]  # zero on padding
     return LazySession(folder / "decoder.onnx", runtime, threads)
-
-
-def raw_frames(latents: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Returns latents that are normalized features already, zero on padding."""
-    return latents * mask[..., None]
 
 
 def thread_limit(threads: int | None) -> int:

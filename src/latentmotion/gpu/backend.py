@@ -16,7 +16,7 @@ from torch import Tensor
 
 from latentmotion.condition.interface import Conditioning, TextEncoder
 from latentmotion.diffusion.schedule import StepCondition
-from latentmotion.engine.backend import ON_CPU, Backend, ExecutionOptions, NoPadding
+from latentmotion.engine.backend import ON_CPU, Backend, ExecutionOptions, Padding
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.session import Session
 from latentmotion.errors import InputError, LatentMotionError, ModelError
@@ -43,7 +43,7 @@ BUCKET_WORDS = 8
 
 
 @dataclass(frozen=True)
-class Buckets:
+class Buckets(Padding):
     """Padding to powers of two of motions, 1 + 8 n words and 32 n frames, so that few shapes occur.
 
     A recorded or compiled chain is made anew for every shape. Padding does not change a motion;
@@ -126,7 +126,7 @@ def torch_backend(
     return Backend(
         denoiser,
         decoder,
-        padding=Buckets(card) if repeats else NoPadding(),
+        padding=Buckets(card) if repeats else Padding(),
         launch=FunctionRecorder(on_gpu(device)) if repeats and device.type == GPU else None,
         to_device=lambda array: torch.tensor(array, device=device),
         to_host=lambda tensor: tensor.cpu().numpy(),

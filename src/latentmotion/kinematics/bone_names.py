@@ -1,24 +1,25 @@
 """Names of bones: which joints of a foreign skeleton are ours, by what programs call them.
 
-One table for all readers. A naming convention lists the names of each of our joints as `plain`
-writes them, the likeliest first; whole rigs may put anything before and behind (`Bob_`, `CC_Base_`,
-`_jnt`). Names must match whole, so that twist, roll, IK and helper bones are never taken for limbs.
-Spines need no names: they are all joints between pelvis and chest.
+One table for all readers, `bone_names.toml`. A naming convention lists the names of each of our
+joints as `plain` writes them, the likeliest first; whole rigs may put anything before and behind
+(`Bob_`, `CC_Base_`, `_jnt`). Names must match whole, so that twist, roll, IK and helper bones are
+never taken for limbs. Spines need no names: they are all joints between pelvis and chest.
 
-Skeletons of the data sets also have joint maps, which say where positions are read. Each of the 22
-is one source joint, or a weighted mean of several where the source has no such point (Acclaim's
-clavicles start at the spine, SMPL's in front of the shoulder). The weights put the point where
-SMPL's rest pose has it between its neighbors.
+Skeletons of the data sets also have joint maps, which say where positions are read.
 """
 
 from __future__ import annotations
 
 import re
+import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
+from functools import cache
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from latentmotion.errors import DataError
 from latentmotion.kinematics.skeleton import HUMANML3D
@@ -35,119 +36,6 @@ def weights_of(source: str | Mapping[str, float]) -> Mapping[str, float]:
     return {source: 1.0} if isinstance(source, str) else source
 
 
-def _symmetric(middle: JointMap, side: JointMap, left: str, right: str) -> JointMap:
-    """Completes a map: `@` in the source names of `side` stands for the prefix of either side."""
-    joints = dict(middle)
-    for name, prefix in (("left", left), ("right", right)):
-        for joint, source in side.items():
-            weights = weights_of(source).items()
-            joints[f"{name}_{joint}"] = {s.replace("@", prefix): w for s, w in weights}
-    return joints
-
-
-_BIPED_SIDE = {
-    **{"hip": "@UpLeg", "knee": "@Leg", "ankle": "@Foot", "foot": "@ToeBase"},
-    **{"shoulder": "@Arm", "elbow": "@ForeArm", "wrist": "@Hand"},
-}
-
-ACCLAIM = _symmetric(
-    {
-        **{"pelvis": "root", "spine1": "upperback", "spine2": "thorax"},
-        **{"spine3": {"thorax": 0.66, "lowerneck": 0.34}, "neck": "upperneck", "head": "head"},
-    },
-    {
-        **{"hip": "@femur", "knee": "@tibia", "ankle": "@foot", "foot": "@toes"},
-        **{"collar": {"@clavicle": 0.63, "@humerus": 0.37}, "shoulder": "@humerus"},
-        **{"elbow": "@radius", "wrist": "@hand"},
-    },
-    left="l",
-    right="r",
-)
-"""ASF of CMU and HDM05, as `read_asf_amc` names joints: by the bone that starts there.
-
-Acclaim's `wrist` bone is the forearm's last third, where it twists; the hand starts at its end.
-"""
-
-MOTIONBUILDER = _symmetric(
-    {
-        **{"pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "head": "Head"},
-        **{"spine3": {"Spine1": 0.66, "Neck": 0.34}, "neck": "Neck1"},
-    },
-    {**_BIPED_SIDE, "collar": {"@Shoulder": 0.63, "@Arm": 0.37}},
-    left="Left",
-    right="Right",
-)
-"""cgspeed's MotionBuilder-friendly BVH of CMU: Acclaim's bones under other names.
-
-It leaves out Acclaim's `wrist` bone, so its forearms are a third too short.
-"""
-
-DAZ = _symmetric(
-    {
-        # Its `hip` sits below the legs' joints, SMPL's pelvis above them.
-        **{"pelvis": {"hip": 0.45, "abdomen": 0.55}, "spine1": "abdomen", "spine2": "chest"},
-        **{"spine3": {"chest": 0.82, "neck": 0.18}, "neck": "neck", "head": "head"},
-    },
-    {
-        **{"hip": "@Thigh", "knee": "@Shin", "ankle": "@Foot", "foot": "@Foot_end"},
-        **{"collar": {"chest": 0.27, "@Collar": 0.48, "@Shldr": 0.25}, "shoulder": "@Shldr"},
-        **{"elbow": "@ForeArm", "wrist": "@Hand"},
-    },
-    left="l",
-    right="r",
-)
-"""cgspeed's Daz-friendly BVH of CMU: no toe joints, so the end sites of the feet are the toes."""
-
-MIXAMO = _symmetric(
-    {
-        **{"pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2"},
-        **{"neck": "Neck", "head": "Head"},
-    },
-    {**_BIPED_SIDE, "collar": "@Shoulder"},
-    left="Left",
-    right="Right",
-)
-"""Mixamo, with or without `mixamorig:` before each name."""
-
-SNU_COURT = _symmetric(
-    {
-        **{"pelvis": "Hips", "spine1": "Spine", "spine2": "Spine1", "spine3": "Spine2"},
-        **{"neck": "Neck", "head": "Head"},
-    },
-    {**_BIPED_SIDE, "foot": "@Toe", "collar": "@Shoulder"},
-    left="Left",
-    right="Right",
-)
-"""Seoul National University's basketball and martial arts."""
-
-
-def _snu_studio(root: str, head: str) -> JointMap:
-    """The skeleton of Seoul National University's studio, whose root and head go by two names."""
-    middle: JointMap = {
-        **{"pelvis": root, "spine1": "Spine", "spine2": {"Spine": 0.5, "Spine1": 0.5}},
-        **{"spine3": "Spine1", "neck": head, "head": {head: 0.45, f"{head}_end": 0.55}},
-    }
-    joints = _symmetric(middle, {**_BIPED_SIDE, "foot": "@Toes"}, left="Left", right="Right")
-    return {**joints, "left_collar": "LeftShoulder1", "right_collar": "RightShoulder"}
-
-
-IDENTITY: JointMap = {name: name for name in HUMANML3D.names}
-"""HumanML3D's own names."""
-
-JOINT_MAPS: Mapping[str, JointMap] = {
-    "humanml3d": IDENTITY,
-    "acclaim": ACCLAIM,
-    "daz": DAZ,
-    "motionbuilder": MOTIONBUILDER,
-    "mixamo": MIXAMO,
-    "snu_court": SNU_COURT,
-    "snu_studio_inches": _snu_studio("Hips", "Head"),
-    "snu_studio_centimeters": _snu_studio("Hips", "HEad"),
-    "snu_studio_asf": _snu_studio("root", "HEad"),
-}
-"""Joint maps, tried in turn: the first whose source joints are all there is taken."""
-
-
 def without_namespace(name: str) -> str:
     """Returns the name without a namespace (`Bob:`) and without `mixamorig`."""
     return _NAMESPACE.sub("", name, count=1) or name
@@ -156,7 +44,7 @@ def without_namespace(name: str) -> str:
 def find_joint_map(names: Sequence[str]) -> JointMap | None:
     """Returns the first map whose source joints are all among `names`, if any.
 
-    Plugins' maps follow `JOINT_MAPS`, for names that no convention explains.
+    Plugins' maps come last, for names that no convention explains.
     """
     plain_names = {without_namespace(name) for name in names}
 
@@ -164,7 +52,7 @@ def find_joint_map(names: Sequence[str]) -> JointMap | None:
         sources = (source for entry in joint_map.values() for source in weights_of(entry))
         return plain_names.issuperset(map(without_namespace, sources))
 
-    fitting = next(filter(fits, JOINT_MAPS.values()), None)
+    fitting = next(filter(fits, joint_maps().values()), None)
     if fitting is None and match_names(names).missing:
         fitting = next(filter(fits, added_joint_maps().values()), None)
     return fitting
@@ -172,13 +60,13 @@ def find_joint_map(names: Sequence[str]) -> JointMap | None:
 
 def added_joint_maps() -> dict[str, JointMap]:
     """Returns the joint maps of the plugins of `latentmotion.skeletons` by name."""
-    joint_maps = plugins("latentmotion.skeletons")
-    for name in list(joint_maps):
-        if not is_joint_map(joint_maps[name]) or set(joint_maps[name]) != set(HUMANML3D.names):
+    added = plugins("latentmotion.skeletons")
+    for name in list(added):
+        if not is_joint_map(added[name]) or set(added[name]) != set(HUMANML3D.names):
             error = DataError(f"expected a joint map of {', '.join(HUMANML3D.names)}")
             warn_of("latentmotion.skeletons", name, error)
-            del joint_maps[name]
-    return joint_maps
+            del added[name]
+    return added
 
 
 def is_joint_map(value: object) -> bool:
@@ -222,126 +110,45 @@ def plain(name: str) -> str:
 _SIDE_PARTS = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
 
 
-def _convention(marks: str, middle: str, side: str) -> NameMap:
-    """Returns a convention.
-
-    Args:
-        marks: Marks of the left and the right side in names, separated by `/`.
-        middle: Names of pelvis, neck and head; `/` parts names that a joint may have.
-        side: Names of hip, knee, ankle, toes, collar, shoulder, elbow and wrist; `@` is the mark.
-    """
-    pairs = zip(("pelvis", "neck", "head"), middle.split(), strict=True)
-    names = {joint: tuple(words.split("/")) for joint, words in pairs}
-    for whole, mark in zip(SIDES, marks.split("/"), strict=True):
-        for joint, words in zip(_SIDE_PARTS, side.split(), strict=True):
-            names[f"{whole}_{joint}"] = tuple(words.replace("@", mark).split("/"))
-    return names
+@cache
+def _tables() -> dict[str, dict[str, Any]]:
+    return tomllib.loads(Path(__file__).with_name("bone_names.toml").read_text(encoding="utf-8"))
 
 
-def _of_joint_map(name: str) -> NameMap:
-    """Returns the joints of a joint map that have a single or a main source."""
-    return {
-        joint: (plain(max(weights_of(source).items(), key=lambda item: item[1])[0]),)
-        for joint, source in JOINT_MAPS[name].items()
-        if joint.partition("_")[0] in SIDES or joint in ("neck", "head")
-    }
+@cache
+def joint_maps() -> Mapping[str, JointMap]:
+    """Returns all joint maps by name, in the order in which they are tried."""
+    maps: dict[str, JointMap] = {"humanml3d": {name: name for name in HUMANML3D.names}}
+    for name, table in _tables()["joint_maps"].items():
+        entries = {joint: source for joint, source in table.items() if joint != "sides"}
+        joints = {j: source for j, source in entries.items() if j not in _SIDE_PARTS}
+        for side, mark in zip(SIDES, table["sides"].split("/"), strict=True):
+            for joint in (joint for joint in entries if joint in _SIDE_PARTS):
+                weights = weights_of(entries[joint]).items()
+                joints[f"{side}_{joint}"] = {s.replace("@", mark): w for s, w in weights}
+        maps[name] = joints
+    return MappingProxyType(maps)
 
 
-_WORDS, _LETTERS = "left/right", "l/r"
-_MIDDLE = "hips/pelvis/hip neck head"
-
-VRM = _convention(
-    *(_WORDS, _MIDDLE),
-    "@upperleg @lowerleg @foot @toes/@toe/@toebase @shoulder @upperarm @lowerarm @hand",
-)
-"""The bones of VRM's humanoid, which are Unity's too."""
-
-_JOINTS = "@hip @knee @ankle @foot/@toe/@toes/@toebase @collar @shoulder @elbow @wrist"
-_MIXAMO = "@upleg @leg @foot @toebase/@toe/@toes @shoulder @arm @forearm @hand"
-_JOINTS_BEHIND = (
-    "hip@ knee@ ankle@ foot@/toes@/toe@ clavicle@/scapula@/collar@ shoulder@ elbow@ wrist@"
-)
-_BEHIND = (
-    "upperleg@ lowerleg@ foot@ toe@/toes@/toebase@ shoulder@/clavicle@ upperarm@ "
-    "lowerarm@/forearm@ hand@/palm@/palm2@/palm1@/fist@/wrist@"
-)
-
-NAME_MAPS: Mapping[str, NameMap] = MappingProxyType(
-    {
-        "Latent Motion": {name: (plain(name),) for name in HUMANML3D.names},
-        "Mixamo": _convention(_WORDS, _MIDDLE, _MIXAMO),
-        "Unreal": _convention(
-            *(_LETTERS, "pelvis neck01 head"),
-            "thigh@ calf@ foot@ ball@ clavicle@ upperarm@ lowerarm@ hand@",
-        ),
-        "VRM": VRM,
-        "VRoid": _convention(
-            *(_LETTERS, "jbipchips jbipcneck jbipchead"),
-            "jbip@upperleg jbip@lowerleg jbip@foot jbip@toebase jbip@shoulder jbip@upperarm "
-            "jbip@lowerarm jbip@hand",
-        ),
-        "Rigify": _convention(
-            *(_LETTERS, "spine/hips spine004/neck spine006/head"),
-            "thigh@ shin@ foot@ toe@ shoulder@ upperarm@ forearm@ hand@",
-        ),
-        "Daz Genesis": _convention(
-            *(_LETTERS, "hip necklower/neck1/neck head"),
-            "@thighbend/@thigh @shin @foot @toe/@toes @collar/@shoulder "
-            "@shldrbend/@shldr/@upperarm @forearmbend/@forearm @hand",
-        ),
-        "Daz BVH": _of_joint_map("daz"),
-        "Acclaim": _of_joint_map("acclaim"),
-        "SMPL": _convention(_LETTERS, _MIDDLE, _JOINTS),
-        "Character Creator": _convention(
-            *(_LETTERS, "ccbasehip ccbasenecktwist01 ccbasehead"),
-            "ccbase@thigh ccbase@calf ccbase@foot ccbase@toebase ccbase@clavicle "
-            "ccbase@upperarm ccbase@forearm ccbase@hand",
-        ),
-        "Biped": _convention(
-            *(_LETTERS, "pelvis neck head"),
-            "@thigh @calf @foot @toe0/@toe/@toebase @clavicle @upperarm @forearm @hand",
-        ),
-        "Xsens MVN": _convention(
-            *(_WORDS, "pelvis/hips neck head"),
-            "@upperleg @lowerleg @foot @toe @shoulder @upperarm @forearm @hand",
-        ),
-        "Xsens BVH": _convention(_WORDS, "hips neck head", _JOINTS),
-        "Rokoko": _convention(
-            *(_WORDS, "hips neck head"),
-            "@thigh @shin @foot @toe @shoulder @arm @forearm @hand",
-        ),
-        "OptiTrack": _convention(
-            *(_LETTERS, "hip/hips neck head"),
-            "@thigh @shin @foot @toe @shoulder @uarm @farm @hand",
-        ),
-        "ARKit": _convention(
-            *(_WORDS, "hipsjoint neck1joint headjoint"),
-            "@uplegjoint @legjoint @footjoint @toesjoint @shoulder1joint @armjoint "
-            "@forearmjoint @handjoint",
-        ),
-        "Blender .L": _convention(_LETTERS, "hips/pelvis/body neck head", _BEHIND),
-        "Blender .Left": _convention(_WORDS, "hips/pelvis/body neck head", _BEHIND),
-        "VRM with L and R": _convention(
-            *(_LETTERS, _MIDDLE),
-            "@upperleg @lowerleg @foot @toes/@toe/@toebase @shoulder/@clavicle @upperarm "
-            "@lowerarm/@forearm @hand",
-        ),
-        "Mixamo with L and R": _convention(_LETTERS, _MIDDLE, _MIXAMO),
-        "Azure Kinect": _convention(_WORDS, "pelvis neck head", _JOINTS_BEHIND),
-        "Advanced Skeleton": _convention(
-            _LETTERS, "rootm/pelvis neckm/neck headm/head", _JOINTS_BEHIND
-        ),
-        "MikuMikuDance": _convention(
-            *("左/右", "下半身/腰/センター 首 頭"),
-            "@足 @ひざ @足首 @つま先/@足先ex @肩 @腕 @ひじ @手首",
-        ),
-        "MakeHuman": _convention(
-            *(_LETTERS, "root neck01 head"),
-            "upperleg01@ lowerleg01@ foot@ toe11@ clavicle@ upperarm01@ lowerarm01@ wrist@",
-        ),
-    }
-)
-"""Known naming conventions, tried in this order. MotionBuilder's and others' are Mixamo's."""
+@cache
+def name_maps() -> Mapping[str, NameMap]:
+    """Returns all naming conventions by name, in the order in which they are tried."""
+    maps: dict[str, NameMap] = {"Latent Motion": {name: (plain(name),) for name in HUMANML3D.names}}
+    for name, row in _tables()["conventions"].items():
+        if isinstance(row, str):  # the joints of a joint map that have a single or a main source
+            maps[name] = {
+                joint: (plain(max(weights_of(source).items(), key=lambda item: item[1])[0]),)
+                for joint, source in joint_maps()[row].items()
+                if joint.partition("_")[0] in SIDES or joint in ("neck", "head")
+            }
+            continue
+        marks, middle, side = row
+        words = dict(zip(("pelvis", "neck", "head"), middle.split(), strict=True))
+        for whole, mark in zip(SIDES, marks.split("/"), strict=True):
+            marked = side.replace("@", mark).split()
+            words |= dict(zip((f"{whole}_{p}" for p in _SIDE_PARTS), marked, strict=True))
+        maps[name] = {joint: tuple(spelled.split("/")) for joint, spelled in words.items()}
+    return MappingProxyType(maps)
 
 
 @dataclass(frozen=True)
@@ -349,7 +156,7 @@ class NameMatch:
     """The joints that a convention finds in a skeleton."""
 
     convention: str
-    """Name of the convention, a key of `NAME_MAPS`."""
+    """Name of the convention, a key of `name_maps`."""
     joints: Mapping[str, int]
     """Our joints that were found, and their indices."""
 
@@ -373,7 +180,7 @@ def match_names(names: Sequence[str]) -> NameMatch:
         for number in sorted(range(len(names)), key=lambda n: (ranks[n], -n)):
             name = _NUMBER.sub("", names[number]) if unnumbered else names[number]
             index[plain(name)] = number
-    matches = [NameMatch(name, _matched(index, words)) for name, words in NAME_MAPS.items()]
+    matches = [NameMatch(name, _matched(index, words)) for name, words in name_maps().items()]
     return min(matches, key=lambda match: (len(match.missing), -len(match.joints)))
 
 
@@ -425,5 +232,5 @@ def nearest(names: Iterable[str], words: Iterable[str] = (), count: int = 10) ->
 
 def names_of(joints: Iterable[str], convention: str) -> list[str]:
     """Returns the names that joints have in a convention; those of ours where it has none."""
-    words = NAME_MAPS.get(convention, {})
+    words = name_maps().get(convention, {})
     return [word for joint in joints for word in words.get(joint, (joint,))]

@@ -20,11 +20,11 @@ from latentmotion.kinematics.bone_names import (
     OPTIONAL,
     REQUIRED,
     SIDES,
-    VRM,
     JointMap,
     find_joint_map,
     is_joint_map,
     match_names,
+    name_maps,
     names_of,
     nearest,
     plain,
@@ -245,7 +245,9 @@ def find_humanoid(
         return _mapped(skeleton, joint_map)
     if declared:
         bones = {plain(name): joint for name, joint in declared.items()}
-        joints = {ours: bones[name[0]] for ours, name in VRM.items() if name[0] in bones}
+        joints = {
+            ours: bones[name[0]] for ours, name in name_maps()["VRM"].items() if name[0] in bones
+        }
         return Humanoid(skeleton, _with_ends(skeleton, joints), "VRM")
     match = match_names(skeleton.names)
     if match.missing and (added := find_joint_map(skeleton.names)):

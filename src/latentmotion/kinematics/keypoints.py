@@ -16,76 +16,47 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError, hint
+from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.storage.limits import FARTHEST, LEAST_FPS, MOST_FPS, MOST_FRAMES
 
 
-def _both(text: str) -> tuple[str, ...]:
-    return tuple(
-        name.replace("@", side)
-        for name in text.split()
-        for side in (("left", "right") if "@" in name else ("",))
-    )
+def _names(text: str) -> tuple[str, ...]:
+    """Returns the names of a layout: `@` is left, then right; `face*68` counts from 0."""
+    names: list[str] = []
+    for word in text.split():
+        name, _, count = word.partition("*")
+        names += [f"{name}_{number}" for number in range(int(count))] if count else []
+        if not count:
+            names += [name.replace("@", side) for side in (SIDES if "@" in name else ("",))]
+    return tuple(names)
 
 
-def _body_25() -> tuple[str, ...]:
-    arms, legs = ("shoulder", "elbow", "wrist"), ("hip", "knee", "ankle")
-    names = ["nose", "mid_shoulder"]
-    names += [f"{side}_{part}" for side in ("right", "left") for part in arms] + ["mid_hip"]
-    names += [f"{side}_{part}" for side in ("right", "left") for part in legs]
-    names += ["right_eye", "left_eye", "right_ear", "left_ear"]
-    toes = ("big_toe", "small_toe", "heel")
-    return (*names, *(f"{side}_{part}" for side in ("left", "right") for part in toes))
-
-
-_LIMBS = "@_shoulder @_elbow @_wrist"
-_LEGS = "@_hip @_knee @_ankle"
-_SIDED_EYES = tuple(
-    f"{side}_eye{part}" for side in ("left", "right") for part in ("_inner", "", "_outer")
-)
-
-
-def _both_of(sides: str, parts: str) -> tuple[str, ...]:
-    """Returns all parts of one side, then those of the other."""
-    return tuple(f"{side}_{part}" for side in sides.split() for part in parts.split())
-
-
-def _numbered(name: str, count: int) -> tuple[str, ...]:
-    return tuple(f"{name}_{number}" for number in range(count))
-
-
-_HANDS = (*_numbered("left_hand", 21), *_numbered("right_hand", 21))
-_HALPE = (
-    *("nose", *_both(f"@_eye @_ear {_LIMBS} {_LEGS}"), "head_top", "mid_shoulder", "mid_hip"),
-    *_both("@_big_toe @_small_toe @_heel"),
-)
+_LIMBS = "@_shoulder @_elbow @_wrist @_hip @_knee @_ankle"
+_COCO = f"nose @_eye @_ear {_LIMBS}"
+_HALPE = f"{_COCO} head_top mid_shoulder mid_hip @_big_toe @_small_toe @_heel"
+_HANDS = "left_hand*21 right_hand*21"
+_ARMS = "right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist"
+_LEGS = "right_hip right_knee right_ankle left_hip left_knee left_ankle"
+_HEAD = "right_eye left_eye right_ear left_ear"
+_FEET = "left_big_toe left_small_toe left_heel right_big_toe right_small_toe right_heel"
 
 LAYOUTS: Mapping[str, tuple[str, ...]] = {
     "humanml3d": HUMANML3D.names,
-    "coco_17": ("nose", *_both(f"@_eye @_ear {_LIMBS} {_LEGS}")),
-    "h36m": (
-        *("mid_hip", *_both_of("right left", "hip knee ankle"), "mid_spine", "mid_shoulder"),
-        *("nose", "head_top", *_both_of("left right", "shoulder elbow wrist")),
+    "coco_17": _names(_COCO),
+    "h36m": _names(
+        f"mid_hip {_LEGS} mid_spine mid_shoulder nose head_top left_shoulder left_elbow left_wrist "
+        "right_shoulder right_elbow right_wrist"
     ),
-    "coco_18": (
-        *_body_25()[:8],
-        *_both_of("right left", "hip knee ankle"),
-        *("right_eye", "left_eye", "right_ear", "left_ear"),
-    ),
-    "body_25": _body_25(),
-    "halpe_26": _HALPE,
-    "halpe_136": (*_HALPE, *_numbered("face", 68), *_HANDS),
-    "coco_133": (
-        *("nose", *_both(f"@_eye @_ear {_LIMBS} {_LEGS}")),
-        *_both_of("left right", "big_toe small_toe heel"),
-        *_numbered("face", 68),
-        *_HANDS,
-    ),
-    "mediapipe_33": (
-        "nose",
-        *_SIDED_EYES,
-        *_both("@_ear mouth_@"),
-        *_both(f"{_LIMBS} @_pinky @_index @_thumb {_LEGS} @_heel @_foot_index"),
+    "coco_18": _names(f"nose mid_shoulder {_ARMS} {_LEGS} {_HEAD}"),
+    "body_25": _names(f"nose mid_shoulder {_ARMS} mid_hip {_LEGS} {_HEAD} {_FEET}"),
+    "halpe_26": _names(_HALPE),
+    "halpe_136": _names(f"{_HALPE} face*68 {_HANDS}"),
+    "coco_133": _names(f"{_COCO} {_FEET} face*68 {_HANDS}"),
+    "mediapipe_33": _names(
+        "nose left_eye_inner left_eye left_eye_outer right_eye_inner right_eye right_eye_outer "
+        "@_ear mouth_@ @_shoulder @_elbow @_wrist @_pinky @_index @_thumb @_hip @_knee @_ankle "
+        "@_heel @_foot_index"
     ),
 }
 """Names of the keypoints of each layout, in order. OpenPose's Neck is `mid_shoulder`."""

@@ -28,6 +28,13 @@ def check_range(name: str, number: int, most: int, least: int = 1) -> None:
         raise InputError(f"{name} {number}: expected {least} to {most:,}")
 
 
+def check_dilations(name: str, dilations: tuple[int, ...]) -> None:
+    """Raises InputError where there are too many dilations, or one is out of range."""
+    check_range(name, len(dilations), limits.MOST_LAYERS)
+    for dilation in dilations:
+        check_range(name, dilation, limits.MOST_WIDTH)
+
+
 @dataclass(frozen=True)
 class TransformerConfig:
     """Size and shape of a stack; the defaults are the paper's.
@@ -252,9 +259,16 @@ class MotionVAEConfig(ABC):
 
     Attributes:
         has_weights: Whether there is anything to train; false for diffusion on raw frames.
+        sizes: Fields that are widths and lengths, checked as such; None is as good.
     """
 
     has_weights: ClassVar[bool] = True
+    sizes: ClassVar[tuple[str, ...]] = ("features",)
+
+    def __post_init__(self) -> None:
+        for name in self.sizes:
+            if (size := getattr(self, name)) is not None:
+                check_range(f"vae.{name}", size, limits.MOST_WIDTH)
 
     @abstractmethod
     def latent_space(self) -> LatentSpace:
@@ -290,6 +304,8 @@ class MotionVAEConfig(ABC):
 class TransformerVAEConfig(MotionVAEConfig):
     """Which parts a `TransformerVAE` has; the defaults are the paper's MLD-1."""
 
+    sizes = ("features", "tokens", "latent_width")
+
     features: int = 263
     """Numbers per frame."""
     tokens: int = 1
@@ -310,10 +326,8 @@ class TransformerVAEConfig(MotionVAEConfig):
     """Numbers per latent token; by default as many as the transformer has."""
 
     def __post_init__(self) -> None:
-        check_range("vae.features", self.features, limits.MOST_WIDTH)
-        check_range("vae.tokens", self.tokens, limits.MOST_WIDTH)
+        super().__post_init__()
         check_range("vae.fine_layers", self.fine_layers + 1, limits.MOST_LAYERS)
-        check_range("vae.latent_width", self.latent_width or 1, limits.MOST_WIDTH)
 
     def latent_space(self) -> LatentSpace:
         """Returns tokens that each stand for the whole motion."""
@@ -347,9 +361,7 @@ class QuarterRateDecoder:
     """Dilation of each residual block; the first three are those of the mirrored decoder."""
 
     def __post_init__(self) -> None:
-        check_range("vae.decoder.dilations", len(self.dilations), limits.MOST_LAYERS)
-        for dilation in self.dilations:
-            check_range("vae.decoder.dilations", dilation, limits.MOST_WIDTH)
+        check_dilations("vae.decoder.dilations", self.dilations)
 
     def margin(self, dilations: tuple[int, ...]) -> int:
         """Returns how many tokens to either side a frame depends on."""
@@ -359,6 +371,8 @@ class QuarterRateDecoder:
 @dataclass(frozen=True)
 class ConvolutionalVAEConfig(MotionVAEConfig):
     """Sizes of a `ConvolutionalVAE`."""
+
+    sizes = ("features", "width", "channels")
 
     features: int = 263
     """Numbers per frame."""
@@ -372,11 +386,8 @@ class ConvolutionalVAEConfig(MotionVAEConfig):
     """The decoder, from latent tokens to frames."""
 
     def __post_init__(self) -> None:
-        for name in ("features", "width", "channels"):
-            check_range(f"vae.{name}", getattr(self, name), limits.MOST_WIDTH)
-        check_range("vae.dilations", len(self.dilations), limits.MOST_LAYERS)
-        for dilation in self.dilations:
-            check_range("vae.dilations", dilation, limits.MOST_WIDTH)
+        super().__post_init__()
+        check_dilations("vae.dilations", self.dilations)
 
     def latent_space(self) -> LatentSpace:
         """Returns latents over time, at a quarter of the frame rate."""
@@ -400,6 +411,8 @@ class ConvolutionalVAEConfig(MotionVAEConfig):
 class VPoserTConfig(MotionVAEConfig):
     """Sizes of a `VPoserT`; the defaults are the authors'."""
 
+    sizes = ("features", "frames", "hidden", "width")
+
     features: int = 263
     """Numbers per frame."""
     frames: int = 196
@@ -410,10 +423,6 @@ class VPoserTConfig(MotionVAEConfig):
     """Numbers of the latent token."""
     dropout: float = 0.1
     """Share of numbers dropped in training."""
-
-    def __post_init__(self) -> None:
-        for name in ("features", "frames", "hidden", "width"):
-            check_range(f"vae.{name}", getattr(self, name), limits.MOST_WIDTH)
 
     def latent_space(self) -> LatentSpace:
         """Returns the space of a single token for the whole motion."""
@@ -459,9 +468,6 @@ class IdentityVAEConfig(MotionVAEConfig):
     features: int = 263
     """Numbers per frame, and per latent token."""
 
-    def __post_init__(self) -> None:
-        check_range("vae.features", self.features, limits.MOST_WIDTH)
-
     def latent_space(self) -> LatentSpace:
         """Returns one token per frame."""
         return LatentSpace(self.features, frames_per_token=1)
@@ -483,9 +489,6 @@ class PluginVAEConfig(MotionVAEConfig):
     """Shape of its latents."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Further keyword arguments."""
-
-    def __post_init__(self) -> None:
-        check_range("vae.features", self.features, limits.MOST_WIDTH)
 
     def latent_space(self) -> LatentSpace:
         """Returns the shape that the configuration states."""

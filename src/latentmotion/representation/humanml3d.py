@@ -14,7 +14,7 @@ Guo et al., "Generating Diverse and Natural 3D Human Motions from Text", CVPR 20
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from math import pi
 from types import MappingProxyType
@@ -23,23 +23,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.arrays import array_namespace, device
-from latentmotion.errors import InputError
+from latentmotion.arrays import array_namespace
 from latentmotion.kinematics import skeleton
-from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation import canonical
+from latentmotion.representation.interface import Representation
 
 
 @dataclass(frozen=True, eq=False)
-class HumanML3DRepresentation:
+class HumanML3DRepresentation(Representation):
     """Joints to HumanML3D's features and back."""
 
-    name: str
-    """Its name in files."""
-    skeleton: Skeleton
-    """The joints it describes, with the canonical bone lengths."""
-    fps: float
-    """Frames per second of its velocities."""
     directions: Float[np.ndarray, "joints 3"]
     """Direction of each bone from which its rotation is measured."""
     chain_starts: tuple[int, ...]
@@ -50,16 +43,6 @@ class HumanML3DRepresentation:
     """A foot is in contact where its squared step is below this."""
 
     @property
-    def width(self) -> int:
-        """Features per frame."""
-        return self.blocks["contacts"].stop
-
-    @property
-    def normalized(self) -> bool:
-        """Networks see them normalized."""
-        return True
-
-    @property
     def blocks(self) -> Mapping[str, slice]:
         """The range of each block of features, by name."""
         return _layout(len(self.skeleton))
@@ -67,10 +50,6 @@ class HumanML3DRepresentation:
     def retarget(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
         """Gives a body of any size the canonical bone lengths and scales its path likewise."""
         return canonical.retarget(joints, self.skeleton, self.leg)
-
-    def canonicalize(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
-        """Moves the lowest point to the floor and the start to the origin, facing +z."""
-        return canonical.canonicalize(joints, self.skeleton)
 
     def encode(
         self, joints: Float[Any, "frames joints 3"]
@@ -87,16 +66,8 @@ class HumanML3DRepresentation:
         Raises:
             InputError: The joints do not fit the skeleton, are too few or not finite.
         """
+        self.check(joints)
         xp = array_namespace(joints)
-        frames, count = joints.shape[:2]
-        if count != len(self.skeleton):
-            raise InputError(
-                f"{count} joints; {self.name} describes {len(self.skeleton)}: map them first"
-            )
-        if frames < 2:
-            raise InputError(f"{frames} frames; velocities need at least 2")
-        if not bool(xp.all(xp.isfinite(joints))):
-            raise InputError("joints that are not finite; drop or repair these frames first")
         joints = self.canonicalize(xp.astype(joints, xp.float64))
         yaw = canonical.smooth_heading(joints, self.skeleton)
         return self.describe(joints, xp.concat([xp.zeros_like(yaw[:1]), yaw[1:]]))
@@ -158,21 +129,6 @@ class HumanML3DRepresentation:
         root = xp.concat([nothing, height, nothing], axis=-1)[..., None, :]
         return canonical.turn(xp.concat([root, local], axis=-2), yaw[..., None]) + path
 
-    def restart(
-        self, features: Float[Any, "*batch frames features"]
-    ) -> Float[Any, "*batch frames features"]:
-        """Returns the features unchanged: none depends on where the clip begins."""
-        return features
-
-    def mirror(
-        self, features: Float[Any, "*batch frames features"]
-    ) -> Float[Any, "*batch frames features"]:
-        """Swaps left and right: x changes its sign, joints and contacts their side."""
-        xp = array_namespace(features)
-        order, signs = self._mirror_map
-        signs = xp.asarray(signs, dtype=features.dtype, device=device(features))
-        return features[..., order] * signs
-
     @cached_property
     def _mirror_map(self) -> tuple[list[int], Float[np.ndarray, " features"]]:
         """The feature that each one comes from, and its sign."""
@@ -211,14 +167,11 @@ HUMANML3D_FEATURES = HumanML3DRepresentation(
 )
 """The 263 features of HumanML3D, meters."""
 
-HANDS_FEATURES = HumanML3DRepresentation(
+HANDS_FEATURES = replace(
+    HUMANML3D_FEATURES,
     name="hands",
     skeleton=skeleton.HANDS,
-    fps=20.0,
     directions=np.array(skeleton.HANDS_DIRECTIONS, dtype=np.float64),
-    chain_starts=(1, 2, 3, 13, 14),
-    leg=(5, 8),
-    still=0.002,
 )
 """The same features of 52 joints, SMPL-H's body and fingers: 623 numbers, meters."""
 

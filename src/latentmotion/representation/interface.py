@@ -5,10 +5,12 @@ x' = (x - mean) / std, with std constant inside a block, as in HumanML3D's publi
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from statistics import median
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -16,73 +18,89 @@ from jaxtyping import Float
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError, hint
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.representation import canonical
 
 
-@runtime_checkable
-class Representation(Protocol):
+@dataclass(frozen=True, eq=False)
+class Representation(ABC):
     """Converts joints to features and back; NumPy and PyTorch arrays alike."""
 
-    @property
-    def name(self) -> str:
-        """Its name in files."""
-        ...
+    name: str
+    """Its name in files."""
+    skeleton: Skeleton
+    """The joints it describes."""
+    fps: float
+    """Frames per second of its velocities."""
 
-    @property
-    def skeleton(self) -> Skeleton:
-        """The joints it describes."""
-        ...
-
-    @property
-    def fps(self) -> float:
-        """Frames per second of its velocities."""
-        ...
+    normalized: ClassVar[bool] = True
+    """Whether networks see its features normalized, or as they are."""
 
     @property
     def width(self) -> int:
         """Features per frame."""
-        ...
+        return max(block.stop for block in self.blocks.values())
 
     @property
-    def normalized(self) -> bool:
-        """Whether networks see its features normalized, or as they are."""
-        ...
-
-    @property
+    @abstractmethod
     def blocks(self) -> Mapping[str, slice]:
         """The range of each block of features, by name; they cover the width once, in order."""
-        ...
 
+    @abstractmethod
     def encode(
         self, joints: Float[Any, "frames joints 3"]
     ) -> Float[Any, "frames_less_one features"]:
         """Returns the features of a clip, whatever its position and heading; one frame less."""
-        ...
 
+    @abstractmethod
     def decode(
         self, features: Float[Any, "*batch frames features"]
     ) -> Float[Any, "*batch frames joints 3"]:
         """Returns joints that start above the origin; differentiable in PyTorch."""
-        ...
 
+    @abstractmethod
     def retarget(self, joints: Float[Any, "frames _ 3"]) -> Float[Any, "frames joints 3"]:
         """Gives a body of any size the skeleton's bone lengths."""
-        ...
 
     def canonicalize(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
         """Moves the lowest point to the floor and the start to the origin, facing +z."""
-        ...
+        return canonical.canonicalize(joints, self.skeleton)
 
     def restart(
         self, features: Float[Any, "*batch frames features"]
     ) -> Float[Any, "*batch frames features"]:
         """Returns features cut from a longer clip as those of a clip that begins with them."""
-        ...
+        return features
 
     def mirror(
         self, features: Float[Any, "*batch frames features"]
     ) -> Float[Any, "*batch frames features"]:
-        """Swaps left and right of the body and of its path."""
-        ...
+        """Swaps left and right: x changes its sign, joints and contacts their side."""
+        xp = array_namespace(features)
+        order, signs = self._mirror_map
+        signs = xp.asarray(signs, dtype=features.dtype, device=device(features))
+        return features[..., order] * signs
+
+    @cached_property
+    @abstractmethod
+    def _mirror_map(self) -> tuple[list[int], Float[np.ndarray, " features"]]:
+        """The feature that each one comes from, and its sign."""
+
+    def check(self, joints: Float[Any, "frames joints 3"]) -> None:
+        """Checks that joints can be encoded.
+
+        Raises:
+            InputError: They do not fit the skeleton, are too few or not finite.
+        """
+        xp = array_namespace(joints)
+        frames, count = joints.shape[:2]
+        if count != len(self.skeleton):
+            raise InputError(
+                f"{count} joints; {self.name} describes {len(self.skeleton)}: map them first"
+            )
+        if frames < 2:
+            raise InputError(f"{frames} frames; velocities need at least 2")
+        if not bool(xp.all(xp.isfinite(joints))):
+            raise InputError("joints that are not finite; drop or repair these frames first")
 
 
 def representation_named(name: str) -> Representation:

@@ -22,13 +22,12 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace, device
-from latentmotion.errors import InputError
 from latentmotion.kinematics import skeleton
 from latentmotion.kinematics.inverse_kinematics import solve
 from latentmotion.kinematics.rotations import matrix_from_sixd, sixd_from_matrix
-from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.kinematics.smpl import SmplModel
 from latentmotion.representation import canonical
+from latentmotion.representation.interface import Representation
 
 TOKENS = 25
 """24 joint rotations, and the root trajectory."""
@@ -41,29 +40,15 @@ _CHANNELS = ("xx", "xy", "xz", "yx", "yy", "yz")
 
 
 @dataclass(frozen=True, eq=False)
-class SmplRepresentation:
+class SmplRepresentation(Representation):
     """Joints to SMPL's pose features and back, by a skeleton of fixed bone lengths."""
 
-    name: str
-    """Its name in files."""
-    skeleton: Skeleton
-    """The joints it describes; any T-pose with SMPL's 24 joints."""
-    fps: float
-    """Frames per second."""
     leg: tuple[int, ...] = (4, 7)
     """Joints whose bones make up the length of a leg."""
     body: str = ""
     """Hash of the SMPL model file with these bones; empty for the skeleton that ships."""
 
-    @property
-    def width(self) -> int:
-        """Features per frame."""
-        return 6 * TOKENS
-
-    @property
-    def normalized(self) -> bool:
-        """Networks see them as they are."""
-        return False
+    normalized = False
 
     @property
     def blocks(self) -> Mapping[str, slice]:
@@ -81,15 +66,11 @@ class SmplRepresentation:
         body = np.asarray(joints, dtype=np.float64)
         if body.shape[1] == len(self.skeleton) - 2:
             body = np.concatenate([body, (4 * body[:, 20:22] - body[:, 18:20]) / 3], axis=1)
-        self._check(body)
+        self.check(body)
         scale = self._leg_length(self.skeleton.rest_joints()) / self._leg_length(body[0])
         rotations = canonical.rotations_from(self.skeleton, solve(body, self.fps, self.skeleton))
         retargeted = self.skeleton.forward_kinematics(rotations, scale * body[:, 0])
         return xp.asarray(retargeted, device=device(joints))
-
-    def canonicalize(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
-        """Moves the lowest point to the floor and the start to the origin, facing +z."""
-        return canonical.canonicalize(joints, self.skeleton)
 
     def encode(
         self, joints: Float[Any, "frames joints 3"]
@@ -108,7 +89,7 @@ class SmplRepresentation:
         """
         xp = array_namespace(joints)
         positions = np.asarray(joints, dtype=np.float64)
-        self._check(positions)
+        self.check(positions)
         positions = self.canonicalize(positions)
         rotations = canonical.rotations_from(
             self.skeleton, solve(positions, self.fps, self.skeleton)
@@ -163,15 +144,6 @@ class SmplRepresentation:
         of_root = xp.asarray(tokens.ravel(), device=device(features))
         return xp.where(of_root, features - features[..., :1, :], features)
 
-    def mirror(
-        self, features: Float[Any, "*batch frames features"]
-    ) -> Float[Any, "*batch frames features"]:
-        """Swaps left and right: x changes its sign, joints their side."""
-        xp = array_namespace(features)
-        order, signs = self._mirror_map
-        signs = xp.asarray(signs, dtype=features.dtype, device=device(features))
-        return features[..., order] * signs
-
     @cached_property
     def _mirror_map(self) -> tuple[list[int], Float[np.ndarray, " features"]]:
         """The feature that each one comes from, and its sign."""
@@ -183,17 +155,6 @@ class SmplRepresentation:
     def _leg_length(self, joints: Float[np.ndarray, "joints 3"]) -> float:
         above = [self.skeleton.parents[joint] for joint in self.leg]
         return float(np.linalg.norm(joints[list(self.leg)] - joints[above], axis=-1).sum())
-
-    def _check(self, joints: Float[np.ndarray, "frames joints 3"]) -> None:
-        frames, count = joints.shape[:2]
-        if count != len(self.skeleton):
-            raise InputError(
-                f"{count} joints; {self.name} describes {len(self.skeleton)}: map them first"
-            )
-        if frames < 2:
-            raise InputError(f"{frames} frames; features need at least 2")
-        if not np.isfinite(joints).all():
-            raise InputError("joints that are not finite; drop or repair these frames first")
 
 
 def smpl_features(
