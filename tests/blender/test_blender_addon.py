@@ -281,7 +281,7 @@ def test_markers_become_a_timeline(tmp_path: Path):
     scene = directing.marker_scene("a person walks", markers, PLACE, 135)
     directing.write_scene(scene, tmp_path / "scene.json")
     spans = [Span("a person walks", 2), Span("a person jumps", 1), Span("a person sits down", 2)]
-    assert read_scene(tmp_path / "scene.json").spans() == spans
+    assert read_scene(tmp_path / "scene.json").timeline == tuple(spans)
     last = directing.marker_scene("", markers, PLACE, 61)["timeline"][-1]
     assert last == {"prompt": "a person sits down"}
 

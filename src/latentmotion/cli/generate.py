@@ -266,7 +266,7 @@ class Generate:
             raise InputError(f"--count {self.count}: expected 1 or more")
         self.clean_up.steps()  # raises an error where they do not fit
         directing, prior = self.directing, self.sampling.prior
-        several = bool(directing.timeline) or (scene is not None and bool(scene.spans()))
+        several = bool(directing.timeline) or (scene is not None and bool(scene.timeline))
         if self.best_of not in (None, 1) and (several or prior):
             raise InputError(
                 f"--best-of {self.best_of}: takes are scored by their one sentence; leave --prior, "
@@ -361,7 +361,7 @@ class Generate:
         )
         generator = replace(generator, body=body).with_moves(*sampling.moves)
         seed = (scene.seed if scene and self.seed is None else self.seed) or 0
-        if self.directing.timeline or (scene and scene.spans()):
+        if self.directing.timeline or (scene and scene.timeline):
             return self._timelines(generator, scene, seed, steps)
         seconds = scene.seconds if scene and self.seconds is None else self.seconds
         if self._loops(scene):
@@ -415,8 +415,8 @@ class Generate:
         from latentmotion.control.timeline import generate_timeline, parse_part_span, parse_span
 
         timeline, parts = self.directing.timeline, self.directing.timeline_part
-        spans = scene.spans() if scene else [*map(parse_span, timeline)]
-        part_spans = scene.part_spans() if scene else [*map(parse_part_span, parts)]
+        spans = [*scene.timeline] if scene else [*map(parse_span, timeline)]
+        part_spans = [*scene.timeline_parts] if scene else [*map(parse_part_span, parts)]
         settings = self.sampling.steps, self.sampling.guidance, part_spans
         seeds = range(seed, seed + self.count)
         made = [generate_timeline(generator, spans, seed, *settings) for seed in seeds]

@@ -43,46 +43,6 @@ class ScenePath:
 
 
 @dataclass(frozen=True)
-class SceneGoal:
-    """A joint, or a part of a hand, is at a place at a time, or from then on until another."""
-
-    joint: str
-    """Name of the joint, or `right_hand`, `right_fingertips` and the like."""
-    at: float
-    """Seconds."""
-    to: tuple[float | None, float | None, float | None]
-    """x, y and z, meters; null leaves a coordinate free."""
-    until: float | None = None
-    """Seconds until which it stays there."""
-    relative_to: str | None = None
-    """Joint from which the place counts: x to the body's left, y up, z ahead."""
-
-
-@dataclass(frozen=True)
-class SceneHeading:
-    """The body faces a direction at a time, or from then on until another."""
-
-    at: float
-    """Seconds."""
-    degrees: float
-    """0 is +z, 90 is +x."""
-    until: float | None = None
-    """Seconds until which it faces there."""
-
-
-@dataclass(frozen=True)
-class SceneLook:
-    """The eyes look at a point at a time, or from then on until another."""
-
-    at: float
-    """Seconds."""
-    to: tuple[float, float, float]
-    """x, y and z, meters."""
-    until: float | None = None
-    """Seconds until which they look there."""
-
-
-@dataclass(frozen=True)
 class ScenePose:
     """All joints are where they are in a frame of a motion file."""
 
@@ -92,30 +52,6 @@ class ScenePose:
     """The motion file, from the scene's folder."""
     frame: int = 0
     """Its frame; a negative one counts from the end."""
-
-
-@dataclass(frozen=True)
-class SceneSpan:
-    """A prompt of a timeline."""
-
-    prompt: str
-    """What the person does."""
-    seconds: float | None = None
-    """Length in seconds; by default as predicted from the prompt."""
-
-
-@dataclass(frozen=True)
-class ScenePartSpan:
-    """A prompt that one part of the body follows during a timeline."""
-
-    part: str
-    """Name of the part, such as `right_arm`, `arms` or `legs`."""
-    prompt: str
-    """What the person does, of which the part is taken."""
-    start: float
-    """Seconds."""
-    end: float
-    """Seconds."""
 
 
 @dataclass(frozen=True)
@@ -132,32 +68,20 @@ class Scene:
     """Seed of the noise; by default 0."""
     path: ScenePath | None = None
     """The path of the pelvis."""
-    goals: tuple[SceneGoal, ...] = ()
+    goals: tuple[Reach, ...] = ()
     """Places of joints."""
-    headings: tuple[SceneHeading, ...] = ()
+    headings: tuple[Heading, ...] = ()
     """Directions of the body."""
-    looks: tuple[SceneLook, ...] = ()
+    looks: tuple[LookAt, ...] = ()
     """Points that the eyes look at."""
     poses: tuple[ScenePose, ...] = ()
     """Whole poses."""
-    timeline: tuple[SceneSpan, ...] = ()
+    timeline: tuple[Span, ...] = ()
     """Prompts one after the other, in place of prompt, seconds and goals."""
-    timeline_parts: tuple[ScenePartSpan, ...] = ()
+    timeline_parts: tuple[PartSpan, ...] = ()
     """What parts of the body do during the timeline."""
     loop: bool = False
     """Whether it is a seamless cycle: the last frame is the first, farther along its path."""
-
-    def spans(self) -> list[Span]:
-        """Returns the timeline for `generate_timeline`."""
-        return [Span(span.prompt, span.seconds) for span in self.timeline]
-
-    def part_spans(self) -> list[PartSpan]:
-        """Returns what parts of the body do, for `generate_timeline`.
-
-        Raises:
-            InputError: Times are not ascending.
-        """
-        return [PartSpan(**vars(span)) for span in self.timeline_parts]
 
     def all_goals(self, folder: Path) -> list[Goal]:
         """Returns the goals for `MotionPipeline`, poses read.
@@ -168,14 +92,9 @@ class Scene:
         Raises:
             InputError: A file cannot be read.
         """
-        found: list[Goal] = []
-        if self.path is not None:
-            found.append(RootPath(**vars(self.path)))
-        found += [Reach(**vars(goal)) for goal in self.goals]
-        found += [Heading(**vars(goal)) for goal in self.headings]
-        found += [LookAt(**vars(look)) for look in self.looks]
-        found += [Pose(pose.at, Motion.load(folder / pose.file), pose.frame) for pose in self.poses]
-        return found
+        path = [] if self.path is None else [RootPath(**vars(self.path))]
+        poses = [Pose(pose.at, Motion.load(folder / pose.file), pose.frame) for pose in self.poses]
+        return [*path, *self.goals, *self.headings, *self.looks, *poses]
 
 
 def read_scene(path: Path) -> Scene:

@@ -76,8 +76,8 @@ class Tools:
         given = self._scene(scene)
         seed = given.seed or 0
         if given.timeline:
-            parts = given.part_spans()
-            motion = generate_timeline(self.pipeline, given.spans(), seed, parts=parts).cleaned()
+            spans, parts = given.timeline, given.timeline_parts
+            motion = generate_timeline(self.pipeline, spans, seed, parts=parts).cleaned()
         else:
             goals = given.all_goals(self.folder)
             motion = self.pipeline(given.prompt, given.seconds, seed, goals=goals)
