@@ -32,7 +32,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.instructions import GROUPS, Instruction, instructions
 from latentmotion.evaluation.instructions.benchmark import OVERALL, Share
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration
-from latentmotion.language.request import asked_exactly
+from latentmotion.language.reading import asked_exactly
 from latentmotion.measure.scene import scene_of
 from latentmotion.pipeline import cleaned_up
 from latentmotion.ranking.best import Take, ranked

@@ -49,7 +49,7 @@ from latentmotion.engine.backend import (
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import LazySession, PickledByFields, Runtime, Session
 from latentmotion.errors import InputError, ModelError
-from latentmotion.language.request import asked_exactly, usual_range
+from latentmotion.language.reading import asked_exactly, usual_range
 from latentmotion.language.translation import in_english
 from latentmotion.model import card as cards
 from latentmotion.model.card import DEFAULT, ModelCard

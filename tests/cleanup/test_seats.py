@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.cleanup.seats import hold_seats
+from latentmotion.cleanup.floor import hold_seats
 from latentmotion.kinematics.skeleton import HUMANML3D
 from tests.support.walker import walker
 

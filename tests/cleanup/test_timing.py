@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from latentmotion.cleanup import CleanUp, clean
-from latentmotion.cleanup.timing import settled
+from latentmotion.cleanup.smoothing import settled
 from latentmotion.corrections import Corrections
 from latentmotion.motion import Motion
 from tests.support.walker import walker

@@ -7,7 +7,6 @@ import pytest
 
 from latentmotion.control.edit import TOKENS, Gap, gap_between, in_between
 from latentmotion.control.exact import inertialized
-from latentmotion.control.fit import lbfgs
 from latentmotion.control.goals import (
     FASTEST,
     Goal,
@@ -22,6 +21,7 @@ from latentmotion.control.goals import (
     targets_of,
 )
 from latentmotion.control.path import Curve, bent, straight_points, straightened
+from latentmotion.control.reach import lbfgs
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.motion import Motion

@@ -10,12 +10,13 @@ import torch
 
 from latentmotion.condition.interface import Conditioning
 from latentmotion.control.goals import Heading, Reach, TargetResidual, targets_of
-from latentmotion.control.jacobian import joint_features, joints_pullback
 from latentmotion.control.reach import (
     CorrectedDenoiser,
     Correction,
     DecodedMotion,
     ReachSettings,
+    joint_features,
+    joints_pullback,
     least_step,
     reach,
 )

@@ -16,8 +16,7 @@ from latentmotion.cli.main import main
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.session import open_session
 from latentmotion.errors import ModelError
-from latentmotion.export.unused import without_unused
-from latentmotion.export.web import export_web, motion_file
+from latentmotion.export.web import export_web, motion_file, without_unused
 from latentmotion.model.card import find_model
 
 SENTENCES = ("a person walks in a circle", "he jumps", "a man waves " + "and waves " * 80)

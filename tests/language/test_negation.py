@@ -6,8 +6,7 @@ import pytest
 
 from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.language.negation import affirmed
-from latentmotion.language.reading import claims_of, request_of
-from latentmotion.language.request import asked_exactly
+from latentmotion.language.reading import asked_exactly, claims_of, request_of
 
 
 @pytest.mark.parametrize(

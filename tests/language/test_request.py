@@ -6,8 +6,7 @@ import pytest
 
 from latentmotion.corrections import NO_CORRECTIONS, Corrections, Count
 from latentmotion.language.claims import Claim
-from latentmotion.language.reading import claims_of, request_of
-from latentmotion.language.request import asked_exactly, usual_range
+from latentmotion.language.reading import asked_exactly, claims_of, request_of, usual_range
 
 
 @pytest.mark.parametrize(

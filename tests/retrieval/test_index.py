@@ -23,8 +23,7 @@ from latentmotion.retrieval.index import (
     read_index,
 )
 from latentmotion.retrieval.starts import LONGEST_STRETCH, stretched
-from latentmotion.retrieval.support import support
-from latentmotion.retrieval.thinning import SAME_OF_CLIP, thinned
+from latentmotion.retrieval.teach import SAME_OF_CLIP, support, thinned
 from latentmotion.retrieval.wordings import read_wordings
 
 OWNER = Source("ours", "CC0", "us")

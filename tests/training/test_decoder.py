@@ -15,7 +15,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.engine.session import open_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export.onnx import export_decoder
-from latentmotion.export.swap_decoder import with_decoder
+from latentmotion.export.package import with_decoder
 from latentmotion.model.config import IdentityVAEConfig, QuarterRateDecoder
 from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import load_model, save_model

@@ -11,8 +11,7 @@ from tyro.conf import arg
 
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp, clean_batch
-from latentmotion.cleanup.changes import Changes
-from latentmotion.cleanup.pipeline import CleanUpWarning
+from latentmotion.cleanup.pipeline import Changes, CleanUpWarning
 from latentmotion.cli import options
 from latentmotion.errors import ReadingWarning
 from latentmotion.motion import Motion

@@ -17,7 +17,7 @@ from latentmotion.evaluation.evaluators.scorer_export import export_scorer
 from latentmotion.evaluation.evaluators.text_motion import load_text_motion
 from latentmotion.export import package
 from latentmotion.export.graph_weights import Weights
-from latentmotion.export.swap_decoder import with_decoder
+from latentmotion.export.package import with_decoder
 from latentmotion.export.text_encoder import export_pretrained
 from latentmotion.export.web import export_web
 from latentmotion.gpu.backend import find_encoder, text_encoder_named

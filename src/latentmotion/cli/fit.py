@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
-from latentmotion.cleanup.changes import Changes
+from latentmotion.cleanup.pipeline import Changes
 from latentmotion.cli import options
 from latentmotion.cli.clean import tell
 from latentmotion.cli.options import Outputs, RuntimeChoice, Threads

@@ -9,7 +9,7 @@ import numpy as np
 
 from latentmotion import robots
 from latentmotion.blender.build import build_zip, own_command
-from latentmotion.cleanup.changes import floor_under
+from latentmotion.cleanup.pipeline import floor_under
 from latentmotion.cli import options
 from latentmotion.errors import InputError
 from latentmotion.kinematics import draft

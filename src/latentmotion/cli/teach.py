@@ -19,8 +19,7 @@ from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT, MOVES_FILE
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.retrieval.index import ClipIndex, index_file, joined
-from latentmotion.retrieval.teach import ShownClip, build_index, shown_clips
-from latentmotion.retrieval.thinning import thinned
+from latentmotion.retrieval.teach import ShownClip, build_index, shown_clips, thinned
 from latentmotion.retrieval.wordings import (
     along_discriminants,
     distinct,

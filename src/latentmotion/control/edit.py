@@ -15,11 +15,18 @@ from jaxtyping import Bool, Float
 
 from latentmotion.cleanup import clean
 from latentmotion.control.exact import inertialized
-from latentmotion.control.fit import fit_latents, latent_width
 from latentmotion.control.generator import Generator, decoders_of, latents_of, metadata_of
 from latentmotion.control.goals import FASTEST, NO_TARGETS, TargetResidual, Targets
 from latentmotion.control.parts import parts_named, with_parts
-from latentmotion.control.reach import Correction, DecodedMotion, ReachSettings, Sample, reach
+from latentmotion.control.reach import (
+    Correction,
+    DecodedMotion,
+    ReachSettings,
+    Sample,
+    fit_latents,
+    latent_width,
+    reach,
+)
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton

@@ -21,11 +21,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.control.fit import fit_features, latent_width, lbfgs
 from latentmotion.control.generator import Generator, decoders_of
-from latentmotion.control.jacobian import joint_features
 from latentmotion.control.observe import Observation, robust, tilt
-from latentmotion.control.reach import DecodedMotion
+from latentmotion.control.reach import (
+    DecodedMotion,
+    fit_features,
+    joint_features,
+    latent_width,
+    lbfgs,
+)
 from latentmotion.errors import InputError, ReadingWarning
 from latentmotion.kinematics.keypoints import (
     LIMBS,

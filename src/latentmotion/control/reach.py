@@ -5,6 +5,18 @@
 r is what is missing and J its Jacobian, with a row for each coordinate of a goal; so the system is
 as small as the goals are few, and of all ways to meet them the shortest in the latents is taken.
 J costs more than all else, so it is kept as long as a step with it takes most of r away.
+
+Gradients of joints to gradients of HumanML3D's features: the pullback of its `decode`.
+
+    yaw_t = -2 Σ_{s<t} half_s        path_t = Σ_{1≤s≤t} turn(step_{s-1}, yaw_s)
+    joint = turn(local, yaw) + path  turn'(v) = (v_z, 0, -v_x) for v turned already
+
+So a joint pulls on its own features in its frame, and on turns and steps of the root before it.
+
+Latents whose decoded features are given ones, found through the decoder, without an encoder.
+
+The squared error of normalized features is minimized by L-BFGS (Liu & Nocedal 1989). That takes one
+row of the decoder's pullback a step, and comes nearer to the motion than encoding it does.
 """
 
 from __future__ import annotations
@@ -17,8 +29,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.control.jacobian import joint_features, joints_pullback
 from latentmotion.diffusion.parametrization import Estimates, ParametrizedDenoiser
+from latentmotion.errors import InputError
+from latentmotion.representation.canonical import turn
+from latentmotion.representation.humanml3d import HumanML3DRepresentation
 from latentmotion.representation.interface import Representation, Scale
 
 Latents = Float[np.ndarray, "tokens width"]
@@ -247,3 +261,158 @@ class Correction:
     def updates(self, count: int) -> Correction:
         """Returns the same with so many steps of Gauss-Newton."""
         return replace(self, settings=replace(self.settings, updates=count))
+
+
+def joint_features(representation: Representation) -> int:
+    """Returns how many of the features, the first ones, say where joints are.
+
+    Raises:
+        InputError: The representation is not HumanML3D's or KIT's.
+    """
+    if not isinstance(representation, HumanML3DRepresentation):
+        raise InputError(
+            f"goals need a model of HumanML3D's or KIT's features; this one makes "
+            f"{representation.name!r}"
+        )
+    return representation.blocks["positions"].stop
+
+
+def joints_pullback(
+    representation: Representation,
+    features: Float[np.ndarray, "frames features"],
+    joints: Float[np.ndarray, "frames joints 3"],
+    gradient: Float[np.ndarray, "rows frames joints 3"],
+) -> Float[np.ndarray, "rows frames first_features"]:
+    """Returns the gradients of the features that say where joints are, in their own units.
+
+    Args:
+        representation: What the features mean.
+        features: Of one motion.
+        joints: What `decode` makes of them.
+        gradient: Gradients of the joints, a row for each number to be differentiated.
+    """
+    rows, frames = gradient.shape[:2]
+    blocks = representation.blocks
+    yaw = -2 * np.concatenate([[0.0], np.cumsum(features[:-1, blocks["yaw_velocity"]][:, 0])])
+    found = np.zeros((rows, frames, joint_features(representation)))
+    local = turn(gradient, -yaw[:, None])
+    found[..., blocks["root_height"]] = local[:, :, :1, 1]
+    found[..., blocks["positions"]] = local[:, :, 1:].reshape(rows, frames, -1)
+
+    root = joints[:, 0] * (1, 0, 1)
+    around = joints - root[:, None]
+    of_yaw = np.einsum("rtj,tj->rt", gradient[..., 0], around[..., 2])
+    of_yaw -= np.einsum("rtj,tj->rt", gradient[..., 2], around[..., 0])
+    # A step of the root moves all that follows.
+    follows = np.cumsum(gradient.sum(axis=2)[:, ::-1], axis=1)[:, ::-1]
+    steps = np.diff(root, axis=0)
+    of_yaw[:, 1:] += follows[:, 1:, 0] * steps[:, 2] - follows[:, 1:, 2] * steps[:, 0]
+    found[:, :-1, blocks["root_velocity"]] = turn(follows[:, 1:], -yaw[1:])[..., ::2]
+    later = np.cumsum(of_yaw[:, ::-1], axis=1)[:, ::-1]
+    found[:, :-1, blocks["yaw_velocity"]] = -2 * later[:, 1:, None]
+    return found
+
+
+_MEMORY = 12
+"""Steps that L-BFGS remembers."""
+
+
+def fit_latents(
+    motion: DecodedMotion,
+    joints: Float[np.ndarray, "frames joints 3"],
+    iterations: int = 60,
+) -> Float[np.ndarray, "tokens width"]:
+    """Returns latents, in the denoiser's scale, whose motion moves as the joints do.
+
+    Args:
+        motion: As long as the joints.
+        joints: Positions, meters, of the model's skeleton.
+        iterations: Steps at most.
+    """
+    # The last frame has no velocity; the one before is kept.
+    ahead = joints[-1:] + (joints[-1:] - joints[-2:-1])
+    wanted = motion.representation.encode(np.concatenate([joints, ahead]))
+    return fit_features(motion, wanted, np.ones(wanted.shape), 0.0, iterations)
+
+
+def fit_features(
+    motion: DecodedMotion,
+    wanted: Float[np.ndarray, "frames features"],
+    weights: Float[np.ndarray, "frames features"],
+    prior: float,
+    iterations: int,
+) -> Float[np.ndarray, "tokens width"]:
+    """Returns latents, in the denoiser's scale, whose features are near given ones.
+
+    Args:
+        motion: As long as the features.
+        wanted: The features, in their own units; all of them, or the first ones.
+        weights: How much each of them counts.
+        prior: How much a latent counts that is not 0, beside a normalized feature.
+        iterations: Steps at most.
+    """
+    wanted, count = np.asarray(wanted, np.float64), wanted.shape[1]
+    std = np.broadcast_to(motion.features.std, motion.representation.width)[:count]
+    weight, prior = weights / (std * std * wanted.size), prior / wanted.size
+    width = latent_width(motion)
+
+    def loss(z: Float[np.ndarray, " numbers"]) -> tuple[float, Float[np.ndarray, " numbers"]]:
+        latents = z.reshape(-1, width)
+        gap = motion.decode(latents)[:, :count] - wanted
+        slope = motion.features_pullback(latents, (gap * weight)[None])
+        value = float((gap * gap * weight).sum() + prior * (z @ z))
+        return 0.5 * value, slope.astype(np.float64).ravel() + prior * z
+
+    tokens = -(-len(wanted) // 4)
+    return lbfgs(loss, np.zeros(tokens * width), iterations).reshape(tokens, width)
+
+
+def latent_width(motion: DecodedMotion) -> int:
+    """Returns how many numbers a token has."""
+    return int(np.broadcast_to(motion.latents.std, motion.latents.mean.shape).size)
+
+
+def lbfgs(
+    loss: Callable[[np.ndarray], tuple[float, np.ndarray]],
+    start: Float[np.ndarray, " numbers"],
+    iterations: int,
+    memory: int = _MEMORY,
+) -> Float[np.ndarray, " numbers"]:
+    """Returns where a function is small: L-BFGS with steps that are halved until they help.
+
+    Args:
+        loss: Value and gradient.
+        start: Where it begins.
+        iterations: Steps at most.
+        memory: Steps that are remembered.
+    """
+    x, (value, slope) = start, loss(start)
+    history: list[tuple[np.ndarray, np.ndarray]] = []
+    for _ in range(iterations):
+        direction, factors = -slope, []
+        for step, bend in reversed(history):
+            factors.append((step @ direction) / (step @ bend))
+            direction = direction - factors[-1] * bend
+        if history:
+            step, bend = history[-1]
+            direction = direction * (step @ bend) / (bend @ bend)
+        else:
+            direction = direction / max(float(np.sqrt(np.mean(slope**2))), 1e-12) * 0.1
+        for (step, bend), factor in zip(history, reversed(factors), strict=True):
+            direction = direction + step * (factor - (bend @ direction) / (step @ bend))
+        size = 1.0
+        while size > 1e-3:
+            after, after_slope = loss(x + size * direction)
+            if after < value + 1e-4 * size * float(slope @ direction):
+                break
+            size /= 2
+        else:
+            break
+        step, bend = size * direction, after_slope - slope
+        if step @ bend > 1e-12 * (bend @ bend):
+            history = [*history[1 - memory :], (step, bend)]
+        improved = value - after
+        x, value, slope = x + step, after, after_slope
+        if improved < 1e-5 * value:
+            break
+    return x

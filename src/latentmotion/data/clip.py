@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from latentmotion.language.sides import mirror_words
+from latentmotion.language.claims import mirror_words
 
 Split = Literal["train", "val", "test"]
 

@@ -3,14 +3,21 @@
 The folder has card, weights, graphs and text encoder. Weights are stored in 16 bits, or the
 denoiser's matrices in 8, and the graphs are made from the rounded weights, so that both give the
 same motions.
+
+Decoder swap: one model's decoder for another model with the same encoder, so the same latents.
+
+A few-step student and a light decoder are trained separately from the same model, and combined
+here.
 """
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 import onnx
@@ -20,14 +27,16 @@ from safetensors.torch import save_file
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.session import PULLBACK_FILE, fused_sampler_file, open_session
-from latentmotion.errors import ModelError
+from latentmotion.errors import InputError, ModelError
 from latentmotion.export import onnx as graphs
 from latentmotion.export.graph_weights import Weights, quantize, share_weights
 from latentmotion.model import card as cards
 from latentmotion.model.card import GraphPrecision, ModelCard
 from latentmotion.model.readme import readme
 from latentmotion.networks import checkpoint
+from latentmotion.networks.checkpoint import FirstStageModel
 from latentmotion.networks.text_encoder import pack
+from latentmotion.networks.vae.interface import fingerprint
 from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_folder
 from latentmotion.text.encoder import load_text_encoder
@@ -211,3 +220,78 @@ def _compare(graph: Path, inputs: dict[str, torch.Tensor], expected: torch.Tenso
     tolerance = TOLERANCE[cards.read_card(graph.parent).precision]
     if not difference < tolerance * max(1.0, float(expected.abs().max())):
         raise ModelError(f"{graph.name} differs from its network by {difference:.2g}; not written")
+
+
+Model = TypeVar("Model", bound=FirstStageModel)
+
+_OF_DECODER = ("vae_", "decoder_")
+"""Prefixes of figures that depend on the decoder alone."""
+
+_OF_DENOISER = ("denoiser_", "student_", "teacher")
+"""Prefixes of figures that do not depend on the decoder."""
+
+
+def with_decoder(model: Model, other: FirstStageModel) -> Model:
+    """Returns `model` with the decoder of `other`.
+
+    Raises:
+        InputError: Their latents are not the same.
+        ModelError: One of them has no VAE.
+    """
+    check_latents(model, other)
+    ours, theirs = model.card.provenance, other.card.provenance
+    provenance = replace(
+        ours,
+        data=tuple(dict.fromkeys((*ours.data, *theirs.data))),
+        data_hashes={**theirs.data_hashes, **ours.data_hashes},
+        commands=tuple(dict.fromkeys((*ours.commands, *theirs.commands))),
+        hours=round(ours.hours + other.card.figures.get("decoder_hours", 0.0), 3),
+    )
+    card = replace(
+        model.card,
+        vae=other.card.vae,
+        provenance=provenance,
+        figures={**other_figures(model.card), **decoder_figures(other.card)},
+    )
+    return replace(model, card=card, vae=other.vae)
+
+
+def check_latents(model: FirstStageModel, other: FirstStageModel) -> None:
+    """Checks that the latents of two models are the same.
+
+    Raises:
+        InputError: They differ.
+        ModelError: One of them has no VAE.
+    """
+    pairs = {
+        "encoders": (_encoder_of(model), _encoder_of(other)),
+        "normalizers": (scale_of(model.card), scale_of(other.card)),
+    }
+    for what, (ours, theirs) in pairs.items():
+        if ours != theirs:
+            raise InputError(
+                f"models {model.card.name!r} and {other.card.name!r} have different {what}, so one "
+                "cannot read the other's latents; make a decoder for them: latentmotion train "
+                "decoder"
+            )
+
+
+def scale_of(card: ModelCard) -> tuple[str, tuple[float, ...], tuple[float, ...]]:
+    """Returns the representation of a model and the scale of its features."""
+    return card.representation, card.normalizer_mean, card.normalizer_std
+
+
+def other_figures(card: ModelCard) -> dict[str, Any]:
+    """Returns the figures of a model that hold with any decoder."""
+    return {k: value for k, value in card.figures.items() if k.startswith(_OF_DENOISER)}
+
+
+def decoder_figures(card: ModelCard) -> dict[str, Any]:
+    """Returns the figures of a model's decoder."""
+    return {k: value for k, value in card.figures.items() if k.startswith(_OF_DECODER)}
+
+
+def _encoder_of(model: FirstStageModel) -> str:
+    if not model.card.vae.has_weights:
+        raise ModelError(f"model {model.card.name!r} has no VAE: run latentmotion train vae")
+    return fingerprint(model.vae)

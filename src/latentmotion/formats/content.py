@@ -19,7 +19,7 @@ import numpy as np
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.errors import DiskFullError, InputError, LatentMotionError
-from latentmotion.language.request import asked_exactly
+from latentmotion.language.reading import asked_exactly
 from latentmotion.motion import Motion
 from latentmotion.viewer.page import payload
 

@@ -2,15 +2,18 @@
 
 It is data (`acts.toml`, `[kinds]`), so that whether a jump can be counted is said in one place. No
 sentence is read here.
+
+The tables of this room, read once.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from functools import cache
+from importlib.resources import files
 from types import MappingProxyType
-
-from latentmotion.language.tables import data
+from typing import Any
 
 
 @cache
@@ -36,3 +39,9 @@ def limits(name: str) -> Mapping[str, float]:
     return MappingProxyType(
         {kind: row[name] for kind, row in data("acts.toml")["kinds"].items() if name in row}
     )
+
+
+@cache
+def data(name: str) -> dict[str, Any]:
+    """Returns a table, by the name of its file."""
+    return tomllib.loads(files("latentmotion.language").joinpath(name).read_text(encoding="utf-8"))

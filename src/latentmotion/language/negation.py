@@ -7,15 +7,9 @@ an act in another form after "and". That nothing moves is an act of its own: sta
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 
-from latentmotion.language.acts import acts
-from latentmotion.language.inflection import forms
-from latentmotion.language.kinds import kinds
+from latentmotion.language.acts import verb_forms
 from latentmotion.language.words import STOPS, Token, listed, tokens_of
-
-GAITS = (*kinds("gait"), "move")
-"""Kinds of going on foot."""
 
 _LEFT_OVER = ("but", "just", "and", "instead", "then", "or")
 """Words that join a clause to one that is left out."""
@@ -99,17 +93,3 @@ def _end(tokens: Sequence[Token], start: int) -> int:
         if text == "and" and first != "third" and following == "third":
             return at  # "does not sit and waves"
     return len(tokens)
-
-
-@cache
-def verb_forms() -> dict[str, str]:
-    """Returns the forms of verbs that acts are named by, and the name of each."""
-    verbs = {verb for act in acts() for verb in act.words} | {"sit", "stand", "go", "get", "do"}
-    return {form: name for verb in sorted(verbs) for form, name in forms(verb).items()}
-
-
-@cache
-def gait_forms() -> frozenset[str]:
-    """Returns the forms of verbs of going and turning."""
-    verbs = {verb for act in acts() if act.kind in (*GAITS, "turn") for verb in act.words}
-    return frozenset(form for verb in verbs for form in forms(verb))

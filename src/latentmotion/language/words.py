@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from latentmotion.language.inflection import forms
-from latentmotion.language.tables import data
+from latentmotion.language.kinds import data
 
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+|[°.,;:!?]|(?<=\d)\s?[-–](?=\s?\d)")
 _WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")

@@ -4,12 +4,15 @@ Files keep rigs in any unit and with any axis up. The joints themselves tell how
 
     up       from ankles to head, the nearest axis          left   from the right hip to the left
     ahead    left × up                                      unit   in which its legs are a person's
+
+Inspection of characters: their bones, and the bones that correspond to our joints.
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +22,8 @@ from jaxtyping import Bool, Float
 
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.errors import DataError, ReadingWarning
-from latentmotion.kinematics.bone_names import SIDES, JointMap
+from latentmotion.kinematics.bone_names import OPTIONAL, REQUIRED, SIDES, JointMap
+from latentmotion.kinematics.draft import draft_map
 from latentmotion.kinematics.humanoid import Humanoid, find_humanoid, fitting_map, to_humanml3d
 from latentmotion.kinematics.skeleton import Animation, Skeleton, posed
 from latentmotion.kinematics.standing import (
@@ -369,3 +373,61 @@ class SourceCharacter:
     def rest(self) -> Float[np.ndarray, "joints 3"]:
         """Returns the rest pose, facing +z."""
         return self.body.skeleton.rest_joints() @ RestPose.of(self.body).axes
+
+
+@dataclass(frozen=True)
+class RigReport:
+    """Description of a character."""
+
+    bones: tuple[str, ...]
+    """Names of its bones."""
+    mapping: dict[str, str | None]
+    """Our joints → its bones."""
+    guessed: tuple[str, ...] = ()
+    """Joints whose bones were guessed; people should look at them."""
+    missing: tuple[str, ...] = ()
+    """Joints that are needed and have no bone."""
+    problem: str | None = None
+    """Why no motion can be put on it yet."""
+
+
+def inspect_rig(path: str | Path, joint_map: Mapping[str, str] | None = None) -> RigReport:
+    """Reads a character and finds its joints by their names; where that fails, they are guessed.
+
+    Args:
+        path: The file.
+        joint_map: Our joints → its bones; by default found.
+
+    Raises:
+        FileFormatError: The file is damaged.
+        DataError: The map names joints that are not there.
+        InputError: There is no such file, or of no such kind.
+    """
+    file, guessed = open_rig(path), ()
+    bones = file.skeleton.names
+    if joint_map is None:
+        joint_map, guessed = _bones_of_joints(file)
+    mapping = {name: joint_map.get(name) for name in (*REQUIRED, *OPTIONAL)} | dict(joint_map)
+    missing = tuple(name for name in REQUIRED if mapping[name] is None)
+    problem = f"no bone is named for {', '.join(missing)}" if missing else None
+    try:
+        make_rig(file, find_humanoid(file.skeleton, joint_map=joint_map))
+    except DataError as error:
+        unknown = [bone for bone in joint_map.values() if bone not in bones]
+        if unknown or set(joint_map) - {*REQUIRED, *OPTIONAL}:
+            raise
+        problem = problem or str(error)
+    return RigReport(bones, mapping, guessed, missing, problem)
+
+
+def _bones_of_joints(file: RigFile) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Returns the bones of our joints in a character, and the joints that are guesses."""
+    names = file.skeleton.names
+    try:
+        joints = find_humanoid(file.skeleton, file.declared).joints
+        return {ours: names[joint] for ours, joint in joints.items()}, ()
+    except DataError:
+        guesses = {}
+        with suppress(DataError):  # it has no legs
+            guesses = draft_map(file.skeleton)
+        return {ours: names[guess.joint] for ours, guess in guesses.items()}, tuple(guesses)

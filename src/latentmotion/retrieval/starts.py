@@ -22,8 +22,8 @@ from latentmotion.condition.interface import TextEncoder
 from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
-from latentmotion.language.request import asked_exactly
-from latentmotion.language.sides import both_sides
+from latentmotion.language.claims import both_sides
+from latentmotion.language.reading import asked_exactly
 from latentmotion.language.words import parts_of
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation

@@ -29,7 +29,7 @@ from latentmotion.formats.content import encoded, packed
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion, animations
 from latentmotion.retarget import Rig, read_rig, transfer
-from latentmotion.retarget.inspection import inspect_rig
+from latentmotion.retarget.rig import inspect_rig
 from latentmotion.storage.children import limit
 from latentmotion.storage.configuration import from_json
 from latentmotion.storage.files import atomic_file, is_disk_full

@@ -34,7 +34,7 @@ from latentmotion.formats import npz
 from latentmotion.formats.content import encoded
 from latentmotion.language.inflection import other_forms
 from latentmotion.motion import Motion
-from latentmotion.retarget.inspection import RigReport
+from latentmotion.retarget.rig import RigReport
 from latentmotion.storage.configuration import from_json
 from latentmotion.storage.files import atomic_file, is_durable, sync_names
 from latentmotion.storage.reading import parse_json

@@ -20,7 +20,7 @@ from latentmotion.condition.interface import TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.diffusion.parametrization import add_noise
 from latentmotion.errors import InputError, ModelError
-from latentmotion.export.swap_decoder import check_latents, other_figures, scale_of
+from latentmotion.export.package import check_latents, other_figures, scale_of
 from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.config import VAEConfig
 from latentmotion.networks.build import build

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from latentmotion.arrays import unit
 from latentmotion.data.dataset import Item
 from latentmotion.data.store import COMPOSED
-from latentmotion.retrieval.support import support
+from latentmotion.retrieval.teach import support
 
 Embed = Callable[[Sequence[str]], Float[np.ndarray, "sentences width"]]
 """Sentences to their pooled embeddings, of any length."""
