@@ -2,7 +2,7 @@
 
 Users write "do a one-eighty" and "kick left, then right", captions "a man slowly walks backwards".
 Words become tokens, numbers among them (`words.py`); negated clauses are left out (`negation.py`);
-acts are looked up in `acts.toml` (`mentions.py`); the words around each say how it is done
+acts are looked up in `acts.toml` (`acts.py`); the words around each say how it is done
 (`manner.py`).
 
 What clean-up must make exact: the degrees of one turn, the count of one act.

@@ -85,7 +85,7 @@ class IndexedCaption:
     end: int
     """One past its last."""
     support: int
-    """Number of clips with a caption of nearly the same meaning (`support.py`), SHOWN or DRAWN."""
+    """Number of clips with a caption of nearly the same meaning (`teach.py`), SHOWN or DRAWN."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class ClipIndex:
     that is all of them."""
     words: Mapping[str, int]
     """Words of all captions of the data, with the number of clips whose captions have them; also of
-    captions that were left out (`thinning.py`)."""
+    captions that were left out (`teach.py`)."""
 
     def __post_init__(self) -> None:
         sources = {source.name for source in self.sources}
