@@ -79,9 +79,6 @@ Item = TypeVar("Item")
 _MOST_TAKES = 12
 """Takes after which goals that none meets are refused."""
 
-_OF_GOALS = ("goals", "foot_sliding")
-"""Metadata of a motion with goals (`control.direct.goal_report`)."""
-
 
 @dataclass(frozen=True, eq=False)
 class RawMotion:
@@ -101,15 +98,16 @@ class RawMotion:
 
 def cleaned_up(raw: Sequence[RawMotion], steps: CleanUp) -> list[Motion]:
     """Returns motions cleaned up, with their corrections, and their joints at their goals."""
-    motions = clean_batch([one.motion for one in raw], steps, [one.corrections for one in raw])
-    return [_at_goals(motion, one, steps) for motion, one in zip(motions, raw, strict=True)]
+    motions = clean_batch([take.motion for take in raw], steps, [take.corrections for take in raw])
+    return [_at_goals(motion, take, steps) for motion, take in zip(motions, raw, strict=True)]
 
 
 def _at_goals(cleaned: Motion, raw: RawMotion, steps: CleanUp) -> Motion:
     if not raw.goals:
         return cleaned
-    if steps.in_place:  # goals have places of the path that is gone
-        about = {name: value for name, value in cleaned.metadata.items() if name not in _OF_GOALS}
+    if steps.in_place:  # goals, and what `goal_report` says of them, have places of the path
+        of_goals = ("goals", "foot_sliding")
+        about = {name: value for name, value in cleaned.metadata.items() if name not in of_goals}
         return replace(cleaned, metadata=about)
     from latentmotion.control.direct import at_goals
 
@@ -314,16 +312,16 @@ class MotionPipeline(PickledByFields):
         if of != 1:
             return best_of(self.ranked(prompt, of, length, seed, *settings, scorer))
 
-        def take(seeds: Sequence[int], from_clips: bool | Sequence[bool]) -> Motion:
-            raw = self.raw_motions([prompt], length, seeds, *settings[:3], from_clips, goals)
+        def take(seed: int, from_clips: bool) -> Motion:
+            raw = self.raw_motions([prompt], length, [seed], *settings[:3], from_clips, goals)
             return cleaned_up(raw, clean_up)[0] if clean_up else raw[0].motion
 
         # The limits of what is refused are those of people's motions that a sentence describes.
         checked = goals and clean_up and not clean_up.in_place and self.card.condition.reads_text
         if not checked:
-            return take([seed], from_clips)
+            return take(seed, from_clips)
         return self._meeting(
-            lambda number: [take([seed + number], from_clips and number % 2 == 1)],
+            lambda number: [take(seed + number, from_clips and number % 2 == 1)],
             lambda motion: motion,
             _MOST_TAKES,
         )
@@ -500,46 +498,48 @@ class MotionPipeline(PickledByFields):
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
-        sampling = self.card.sampling.but(steps, guidance, sampler)
-        seeds = range(len(prompts)) if seeds is None else seeds
+        sampling, count = self.card.sampling.but(steps, guidance, sampler), len(prompts)
+        seeds = range(count) if seeds is None else seeds
         requests.check_prompts(self.card, prompts)
+        lengths = requests.each(seconds, count)
+        wanted = [from_clips] * count if isinstance(from_clips, bool) else list(from_clips)
+        if len(wanted) != count:
+            raise InputError(f"{len(wanted)} values of from_clips for {count} motions")
         if goals:
-            lengths = requests.each(seconds, len(prompts))
-            wanted = [from_clips] * len(prompts) if isinstance(from_clips, bool) else from_clips
-            return [
-                self._directed(*one, sampling, goals)
-                for one in zip(prompts, lengths, seeds, wanted, strict=True)
-            ]
+            takes = zip(prompts, lengths, seeds, wanted, strict=True)
+            return [self._directed(*take, sampling, goals) for take in takes]
         readings = {prompt: self.read(prompt) for prompt in dict.fromkeys(prompts)}
-        translated = {prompt: str(one) for prompt in readings if (one := in_english(prompt))}
-        said = [note for one in readings.values() for note in one.notes()]
+        translated = {p: str(english) for p in readings if (english := in_english(p))}
+        said = [note for reading in readings.values() for note in reading.notes()]
         for note in dict.fromkeys([*translated.values(), *said]):
             warnings.warn(note, DoubtWarning, stacklevel=3)
         sentences = [readings[prompt].prompt for prompt in prompts]
-        lengths = requests.each(seconds, len(prompts))
         free = [length is None for length in lengths]
         usual = self.usual_seconds(sentences) if any(free) else None
         space, card = self.representation, self.card
-        frames = requests.frames_of(card, lengths, len(prompts), space.fps, usual)
+        frames = requests.frames_of(card, lengths, count, space.fps, usual)
         request = GenerationRequest(tuple(sentences), tuple(frames), tuple(seeds), sampling)
         request.check(card, space.fps)
-        starts = self._clip_starts([readings[p] for p in prompts], request, free, from_clips)
+        starts: list[ClipStart | None] = [None] * count
+        if any(wanted) and sampling.steps > 1 and self.clip_starts is not None:
+            read = [readings[prompt] for prompt in prompts]
+            starts = self.clip_starts.starts(read, request, free, wanted)
         if any(starts):
             frames = [s.frames if s else n for s, n in zip(starts, frames, strict=True)]
             begun = tuple(start and start.start for start in starts)
             request = replace(request, frames=tuple(frames), starts=begun)
-        joints = self._in_batches(request, lambda one: self.joints_of(self.generate_batch(one)))
+        joints = self._in_batches(request, lambda part: self.joints_of(self.generate_batch(part)))
         settings = {"steps": sampling.steps, "guidance": sampling.guidance, **card.terms()}
-        corrections = [NO_CORRECTIONS] * len(prompts)
+        corrections = [NO_CORRECTIONS] * count
         if card.condition.reads_text:
             pairs = [(readings[p].sentence, any_) for p, any_ in zip(prompts, free, strict=True)]
             exact = {pair: asked_exactly(*pair) for pair in dict.fromkeys(pairs)}
             corrections = [exact[pair] for pair in pairs]
-        corrections = [replace(one, settles=True) for one in corrections]
         raw = []
         for positions, prompt, seed, correction, start in zip(
             joints, prompts, seeds, corrections, starts, strict=True
         ):
+            correction = replace(correction, settles=True)
             about = {"model": card.name, "seed": seed, **settings, **correction.about()}
             about |= readings[prompt].about() | (start.about() if start else {})
             if prompt in translated:
@@ -598,21 +598,6 @@ class MotionPipeline(PickledByFields):
         with warnings.catch_warnings():  # of words that the denoiser need not read
             warnings.simplefilter("ignore", UnknownWordsWarning)
             return clips.doubts.read(sentence)
-
-    def _clip_starts(
-        self,
-        readings: Sequence[Reading],
-        request: GenerationRequest,
-        free: Sequence[bool],
-        from_clips: bool | Sequence[bool],
-    ) -> list[ClipStart | None]:
-        """Returns what each motion of a request starts from, None for pure noise."""
-        count = len(request.prompts)
-        wanted = [from_clips] * count if isinstance(from_clips, bool) else list(from_clips)
-        if len(wanted) != count:
-            raise InputError(f"{len(wanted)} values of from_clips for {count} motions")
-        clips = self.clip_starts if any(wanted) and request.sampling.steps > 1 else None
-        return [None] * count if clips is None else clips.starts(readings, request, free, wanted)
 
     @cached_property
     def clip_starts(self) -> ClipStarts | None:
