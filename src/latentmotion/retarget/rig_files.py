@@ -13,12 +13,13 @@ away from it, M the matrix of its parent:
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float
@@ -50,58 +51,31 @@ class RigTake:
     """Of the file's own skeleton."""
 
 
-@runtime_checkable
-class RigFile(Protocol):
+class RigFile(ABC):
     """A file with a skeleton."""
 
-    @property
-    def path(self) -> Path:
-        """The file."""
-        ...
+    path: Path
+    """The file."""
+    skeleton: Skeleton
+    """Its joints in rest pose, in the file's own axes and unit."""
+    root: Float[np.ndarray, " 3"]
+    """Rest position of joint 0."""
+    movable: frozenset[int]
+    """Joints that the file can translate as well as rotate."""
+    unit: float | None = None
+    """Meters per unit, where the file says so."""
+    animation: Animation | None = None
+    """Its own frames, in its axes and unit, where the rest pose alone does not say enough."""
+    mirrored: bool = False
+    """Whether scales mirror its joints."""
+    declared: Mapping[str, int] = MappingProxyType({})
+    """Joints by their names in VRM's humanoid, where the file has them."""
+    endings: tuple[str, ...] = (".bvh",)
+    """File endings that `write` supports."""
 
-    @property
-    def skeleton(self) -> Skeleton:
-        """Its joints in rest pose, in the file's own axes and unit."""
-        ...
-
-    @property
-    def root(self) -> Float[np.ndarray, " 3"]:
-        """Rest position of joint 0."""
-        ...
-
-    @property
-    def unit(self) -> float | None:
-        """Meters per unit, where the file says so."""
-        ...
-
-    @property
-    def animation(self) -> Animation | None:
-        """Its own frames, in its axes and unit, where the rest pose alone does not say enough."""
-        ...
-
-    @property
-    def mirrored(self) -> bool:
-        """Whether scales mirror its joints."""
-        ...
-
-    @property
-    def movable(self) -> frozenset[int]:
-        """Joints that the file can translate as well as rotate."""
-        ...
-
-    @property
-    def declared(self) -> Mapping[str, int]:
-        """Joints by their names in VRM's humanoid, where the file has them."""
-        ...
-
-    @property
-    def endings(self) -> tuple[str, ...]:
-        """File endings that `write` supports."""
-        ...
-
+    @abstractmethod
     def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:
         """Writes the file again, with these takes."""
-        ...
 
 
 def open_rig(path: str | Path) -> RigFile:
@@ -114,20 +88,16 @@ def open_rig(path: str | Path) -> RigFile:
     source = Path(path)
     if not source.is_file():
         raise InputError(f"there is no file {source}")
-    match source.suffix.lower():
-        case ".glb" | ".gltf" | ".vrm":  # VRM is GLB with an extension
-            return GltfFile(source)
-        case ".bvh":
-            return BvhFile(source)
-        case ".asf":
-            return AsfFile(source)
-        case ".fbx":
-            return FbxFile(source)
-    endings = ".glb, .gltf, .vrm, .fbx, .bvh or .asf"
-    raise InputError(f"{source} is no rig that can be read; expected {endings}")
+    kinds: dict[str, type[GltfFile | BvhFile | AsfFile]] = {
+        **dict.fromkeys((".glb", ".gltf", ".vrm"), GltfFile),  # VRM is GLB with an extension
+        **{".fbx": FbxFile, ".bvh": BvhFile, ".asf": AsfFile},
+    }
+    if source.suffix.lower() not in kinds:
+        raise InputError(f"{source} is no rig that can be read; expected {', '.join(kinds)}")
+    return kinds[source.suffix.lower()](source)
 
 
-class GltfFile:
+class GltfFile(RigFile):
     """A `.glb` or `.gltf` file.
 
     Args:
@@ -138,8 +108,7 @@ class GltfFile:
     """
 
     unit = 1.0
-    animation = None
-    endings: tuple[str, ...] = (".glb", ".gltf", ".fbx")
+    endings = (".glb", ".gltf", ".fbx")
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -233,7 +202,7 @@ class FbxFile(GltfFile):
         self.path = path
 
 
-class BvhFile:
+class BvhFile(RigFile):
     """A BVH file. Its frames say where it stands; in its rest pose all its angles are 0.
 
     Args:
@@ -242,10 +211,6 @@ class BvhFile:
     Raises:
         FileFormatError: It is damaged.
     """
-
-    unit, mirrored = None, False
-    declared: Mapping[str, int] = {}
-    endings = (".bvh",)
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -287,7 +252,7 @@ class BvhFile:
         return paths
 
 
-class AsfFile:
+class AsfFile(RigFile):
     """An ASF file.
 
     Args:
@@ -297,9 +262,6 @@ class AsfFile:
         FileFormatError: It is damaged.
     """
 
-    animation, mirrored = None, False
-    declared: Mapping[str, int] = {}
-    endings = (".bvh",)
     movable = frozenset({0})
 
     def __init__(self, path: Path) -> None:
