@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -140,138 +141,42 @@ class Skeleton:
         return xp.stack(positions, axis=-2)
 
 
-def _from_lengths(
-    directions: list[tuple[int, int, int]], lengths: list[float]
-) -> Float[np.ndarray, "joints 3"]:
-    return np.array(directions, dtype=np.float64) * np.array(lengths)[:, None]
-
-
-_RIGHT, _LEFT, _UP, _DOWN, _AHEAD = (-1, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)
-
-HUMANML3D_DIRECTIONS = [
-    *((0, 0, 0), _LEFT, _RIGHT, _UP, _DOWN, _DOWN, _UP, _DOWN, _DOWN, _UP, _AHEAD, _AHEAD),
-    *(_UP, _LEFT, _RIGHT, _AHEAD, _DOWN, _DOWN, _DOWN, _DOWN, _DOWN, _DOWN),
+# Plain text, which is read at every start: TOML would take 4 ms.
+_SHIPPED = [
+    row.split()
+    for row in Path(__file__).with_name("skeletons.txt").read_text(encoding="utf-8").splitlines()
+    if row and not row.startswith("#")
 ]
-"""Bone directions from which HumanML3D's inverse kinematics measures rotations."""
-
-HUMANML3D_LENGTHS = [
-    *(0.0, 0.1031, 0.1099, 0.1316, 0.3936, 0.3902, 0.1432, 0.4324, 0.4256, 0.0574, 0.1434),
-    *(0.1494, 0.2194, 0.1375, 0.1434, 0.1030, 0.1316, 0.1230, 0.2568, 0.2631, 0.2660, 0.2699),
-]
-"""Canonical bone lengths of HumanML3D, meters."""
-
-HUMANML3D = Skeleton(
-    name="humanml3d",
-    names=(
-        *("pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2"),
-        *("left_ankle", "right_ankle", "spine3", "left_foot", "right_foot", "neck"),
-        *("left_collar", "right_collar", "head", "left_shoulder", "right_shoulder"),
-        *("left_elbow", "right_elbow", "left_wrist", "right_wrist"),
-    ),
-    parents=(-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19),
-    offsets=_from_lengths(HUMANML3D_DIRECTIONS, HUMANML3D_LENGTHS),
-    left_foot=(7, 10),
-    right_foot=(8, 11),
-)
-"""The 22 body joints of SMPL as HumanML3D orders them."""
-
-_FINGERS = ("index", "middle", "pinky", "ring", "thumb")
-"""Fingers in the order of SMPL-H, three joints each."""
-
-_FINGER_NAMES = tuple(f"{finger}{n}" for finger in _FINGERS for n in (1, 2, 3))
-_FINGER_LENGTHS = [0.1, 0.035, 0.025]
-
-HANDS_DIRECTIONS = [
-    *HUMANML3D_DIRECTIONS,
-    *((_AHEAD if name.startswith("thumb") else _DOWN) for name in _FINGER_NAMES * 2),
-]
-"""Bone directions from which rotations of a body with fingers are measured."""
-
-HANDS = Skeleton(
-    name="hands",
-    names=(
-        *HUMANML3D.names,
-        *(f"{side}_{name}" for side in ("left", "right") for name in _FINGER_NAMES),
-    ),
-    parents=(
-        *HUMANML3D.parents,
-        *(
-            wrist if n % 3 == 0 else len(HUMANML3D.names) + 15 * hand + n - 1
-            for hand, wrist in enumerate((20, 21))
-            for n in range(15)
-        ),
-    ),
-    offsets=_from_lengths(HANDS_DIRECTIONS, [*HUMANML3D_LENGTHS, *_FINGER_LENGTHS * 10]),
-    left_foot=(7, 10),
-    right_foot=(8, 11),
-)
-"""HumanML3D's body with the 30 finger joints of SMPL-H; lengths of fingers are round figures."""
-
-KIT_DIRECTIONS = [
-    *((0, 0, 0), _UP, _UP, _UP, _UP, _LEFT, _DOWN, _DOWN, _RIGHT, _DOWN, _DOWN),
-    *(_LEFT, _DOWN, _DOWN, _AHEAD, _AHEAD, _RIGHT, _DOWN, _DOWN, _AHEAD, _AHEAD),
-]
-"""Bone directions from which KIT's inverse kinematics measures rotations."""
-
-KIT_LENGTHS = [
-    *(0.0, 0.07, 0.14, 0.28, 0.13, 0.22, 0.32, 0.25, 0.22, 0.32, 0.25),
-    *(0.16, 0.42, 0.42, 0.05, 0.15, 0.16, 0.42, 0.42, 0.05, 0.15),
-]
-"""Bone lengths of a body of 1.7 m, after Winter's proportions (thigh and shank 0.245 of height...).
-
-KIT's own sample body is not at hand; features do not depend on these unless one retargets.
-"""
-
-KIT = Skeleton(
-    name="kit",
-    names=(
-        *("pelvis", "spine1", "spine2", "neck", "head"),
-        *("right_shoulder", "right_elbow", "right_wrist"),
-        *("left_shoulder", "left_elbow", "left_wrist"),
-        *("right_hip", "right_knee", "right_ankle", "right_heel", "right_foot"),
-        *("left_hip", "left_knee", "left_ankle", "left_heel", "left_foot"),
-    ),
-    parents=(-1, 0, 1, 2, 3, 3, 5, 6, 3, 8, 9, 0, 11, 12, 13, 14, 0, 16, 17, 18, 19),
-    offsets=_from_lengths(KIT_DIRECTIONS, KIT_LENGTHS) * (-1, 1, 1),
-    left_foot=(19, 20),
-    right_foot=(14, 15),
-)
-"""The 21 joints of KIT-ML's Master Motor Map; sides as the published features have them.
-
-Their inverse kinematics takes the right hip and shoulder to point to +x, so x is negated here.
-"""
-
-_SIDE = {
-    **{"hip": (0.08, -0.09, 0.0), "knee": (0.03, -0.41, 0.0), "ankle": (0.0, -0.41, -0.02)},
-    **{"foot": (0.02, -0.06, 0.13), "collar": (0.08, 0.12, 0.0), "shoulder": (0.11, 0.02, 0.0)},
-    **{"elbow": (0.28, 0.0, 0.0), "wrist": (0.25, 0.0, 0.0), "hand": (0.08, 0.0, 0.0)},
-}
-_MIDDLE = {
-    **{"pelvis": (0.0, 0.0, 0.0), "spine1": (0.0, 0.12, -0.01), "spine2": (0.0, 0.13, 0.01)},
-    **{"spine3": (0.0, 0.06, 0.01), "neck": (0.0, 0.21, -0.02), "head": (0.0, 0.11, 0.04)},
-}
 
 
-def _rest_offset(name: str) -> tuple[float, float, float]:
-    side, _, joint = name.partition("_")
-    x, y, z = _MIDDLE[name] if name in _MIDDLE else _SIDE[joint]
-    return (-x if side == "right" else x, y, z)
+def _shipped(
+    skeleton: str, sole: str = "ankle", signs: tuple[int, int, int] = (1, 1, 1)
+) -> tuple[Skeleton, Float[np.ndarray, "joints 3"]]:
+    """Returns a skeleton of `skeletons.txt`, and the directions of its bones there."""
+    rows = [row[1:] for row in _SHIPPED if row[0] == skeleton]
+    names = tuple(row[0] for row in rows)
+    parents = tuple(names.index(row[1]) if row[1] in names else -1 for row in rows)
+    left, right = (
+        tuple(names.index(f"{side}_{joint}") for joint in (sole, "foot"))
+        for side in ("left", "right")
+    )
+    directions = np.array([row[2:5] for row in rows], dtype=np.float64)
+    offsets = directions * np.array([row[5:] for row in rows], dtype=np.float64) * signs
+    return Skeleton(skeleton, names, parents, offsets, left, right), directions
 
 
-_BODY_NAMES = (*HUMANML3D.names, "left_hand", "right_hand")
+HUMANML3D, HUMANML3D_DIRECTIONS = _shipped("humanml3d")
+"""The 22 body joints of SMPL as HumanML3D orders them, with its canonical bone lengths; the bone
+directions from which its inverse kinematics measures rotations."""
 
-BODY = Skeleton(
-    name="body",
-    names=_BODY_NAMES,
-    parents=(*HUMANML3D.parents, 20, 21),
-    offsets=np.array([_rest_offset(name) for name in _BODY_NAMES]),
-    left_foot=(7, 10),
-    right_foot=(8, 11),
-)
-"""A body of 1.7 m in a T-pose with the 24 joints that SMPL's poses turn, in their order.
+HANDS, HANDS_DIRECTIONS = _shipped("hands")
+"""HumanML3D's body with the 30 finger joints of SMPL-H."""
 
-Lengths are round figures after Winter's proportions, and owe nothing to SMPL's files.
-"""
+KIT, KIT_DIRECTIONS = _shipped("kit", "heel", (-1, 1, 1))
+"""The 21 joints of KIT-ML's Master Motor Map."""
+
+BODY, _ = _shipped("body")
+"""A body of 1.7 m in a T-pose with the 24 joints that SMPL's poses turn, in their order."""
 
 
 MOST_FPS = 1000.0

@@ -160,7 +160,7 @@ HUMANML3D_FEATURES = HumanML3DRepresentation(
     name="humanml3d",
     skeleton=skeleton.HUMANML3D,
     fps=20.0,
-    directions=np.array(skeleton.HUMANML3D_DIRECTIONS, dtype=np.float64),
+    directions=skeleton.HUMANML3D_DIRECTIONS,
     chain_starts=(1, 2, 3, 13, 14),
     leg=(5, 8),
     still=0.002,
@@ -171,7 +171,7 @@ HANDS_FEATURES = replace(
     HUMANML3D_FEATURES,
     name="hands",
     skeleton=skeleton.HANDS,
-    directions=np.array(skeleton.HANDS_DIRECTIONS, dtype=np.float64),
+    directions=skeleton.HANDS_DIRECTIONS,
 )
 """The same features of 52 joints, SMPL-H's body and fingers: 623 numbers, meters."""
 
@@ -179,7 +179,7 @@ KIT_FEATURES = HumanML3DRepresentation(
     name="kit",
     skeleton=skeleton.KIT,
     fps=12.5,
-    directions=np.array(skeleton.KIT_DIRECTIONS, dtype=np.float64),
+    directions=skeleton.KIT_DIRECTIONS,
     chain_starts=(1, 5, 8, 11, 16),
     leg=(17, 18),
     still=0.05,
