@@ -255,7 +255,7 @@ def _named(motion: Motion) -> str:
     return f"{', '.join(parts)}: " if parts else ""
 
 
-_FAR, _OFF = 0.1, 0.05
+_MOVED, _OFF = 0.1, 0.05
 """Meters that joints may move on average, and share of the path's length that may change, without
 a warning."""
 
@@ -308,9 +308,9 @@ class Changes:
     @property
     def problem(self) -> str | None:
         """What is more than a clean-up should change, if anything is."""
-        if self.mean > _FAR:
+        if self.mean > _MOVED:
             return (
-                f"joints moved {100 * self.mean:.0f} cm on average, more than {100 * _FAR:.0f}: "
+                f"joints moved {100 * self.mean:.0f} cm on average, more than {100 * _MOVED:.0f}: "
                 "look at the result, and check unit, axes and floor of the file"
             )
         if abs(self.path) > _OFF:
