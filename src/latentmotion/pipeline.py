@@ -205,8 +205,8 @@ class MotionPipeline(PickledByFields):
 
         if not moves:
             return self
-        given = tuple(index_file(Path(m)) if isinstance(m, str | Path) else m for m in moves)
-        pipeline = replace(self, moves=(*given, *self.moves))
+        further = tuple(index_file(Path(m)) if isinstance(m, str | Path) else m for m in moves)
+        pipeline = replace(self, moves=(*further, *self.moves))
         if pipeline.clip_starts is None:  # read now, so that an error comes here
             raise ModelError(
                 f"model {self.card.name!r} reads no sentences: it starts from no clips"
@@ -299,11 +299,11 @@ class MotionPipeline(PickledByFields):
         if not isinstance(prompt, str):
             if not isinstance(prompt, Sequence):
                 raise InputError(f"a prompt is {prompt!r}; expected words, or a list of prompts")
-            given: dict[str, Any] = {"seed": seed, "steps": steps, "guidance": guidance}
-            given |= {"sampler": sampler, "goals": goals, "from_clips": from_clips}
-            given |= {"takes": takes, "clean_up": clean_up, "scorer": scorer}
+            options: dict[str, Any] = {"seed": seed, "steps": steps, "guidance": guidance}
+            options |= {"sampler": sampler, "goals": goals, "from_clips": from_clips}
+            options |= {"takes": takes, "clean_up": clean_up, "scorer": scorer}
             lengths = requests.each(seconds, len(prompt))
-            return [self(one, s, **given) for one, s in zip(prompt, lengths, strict=True)]
+            return [self(text, s, **options) for text, s in zip(prompt, lengths, strict=True)]
         (length,) = requests.each(seconds, 1)
         if takes is None:
             requests.check_prompts(self.card, [prompt])
@@ -353,14 +353,14 @@ class MotionPipeline(PickledByFields):
                     break
                 problem, count = problem or wrong, count + 1
                 # Of takes that are not kept nobody needs to know how they were cleaned up.
-                notes[:] = [one for one in notes if not isinstance(one.message, CleanUpWarning)]
+                notes[:] = [note for note in notes if not isinstance(note.message, CleanUpWarning)]
             else:
                 raise InputError(
                     f"none of {count} takes meets the goals as a person would; in the first one "
                     f"{problem}. Set that goal nearer or later, give the motion more time, or say "
                     "in the sentence what it needs, such as turning around"
                 )
-        for text, note in {str(one.message): one.message for one in notes}.items():
+        for text, note in {str(raised.message): raised.message for raised in notes}.items():
             warnings.warn(note if isinstance(note, Warning) else text, stacklevel=3)
         return take
 
@@ -411,17 +411,20 @@ class MotionPipeline(PickledByFields):
                 *(steps, guidance, sampler, every_other if number or not goals else False, goals),
             )
             return raw, best.ranked(
-                [one.motion for one in raw],
+                [candidate.motion for candidate in raw],
                 (raw[0].reading or self.read(prompt)).prompt,
                 compared,
                 clean_up,
-                [one.corrections for one in raw],
-                [one.start.advantage if one.start and not goals else 0.0 for one in raw],
+                [candidate.corrections for candidate in raw],
+                [
+                    candidate.start.advantage if candidate.start and not goals else 0.0
+                    for candidate in raw
+                ],
             )
 
         def finished(raw: Sequence[RawMotion], take: Take) -> Take:
             assert clean_up is not None
-            chosen = next(one for one in raw if one.motion is take.motion)
+            chosen = next(candidate for candidate in raw if candidate.motion is take.motion)
             if take.cleaned is None or clean_up.in_place:  # claims are measured on the path
                 (cleaned,) = cleaned_up([chosen], clean_up)
             else:
@@ -470,7 +473,7 @@ class MotionPipeline(PickledByFields):
         """
         texts = [prompts] if isinstance(prompts, str) else prompts
         raw = self.raw_motions(texts, seconds, seeds, steps, guidance, sampler, from_clips)
-        return cleaned_up(raw, clean_up) if clean_up else [one.motion for one in raw]
+        return cleaned_up(raw, clean_up) if clean_up else [take.motion for take in raw]
 
     def raw_motions(
         self,
@@ -502,11 +505,11 @@ class MotionPipeline(PickledByFields):
         seeds = range(count) if seeds is None else seeds
         requests.check_prompts(self.card, prompts)
         lengths = requests.each(seconds, count)
-        wanted = [from_clips] * count if isinstance(from_clips, bool) else list(from_clips)
-        if len(wanted) != count:
-            raise InputError(f"{len(wanted)} values of from_clips for {count} motions")
+        starting = [from_clips] * count if isinstance(from_clips, bool) else list(from_clips)
+        if len(starting) != count:
+            raise InputError(f"{len(starting)} values of from_clips for {count} motions")
         if goals:
-            takes = zip(prompts, lengths, seeds, wanted, strict=True)
+            takes = zip(prompts, lengths, seeds, starting, strict=True)
             return [self._directed(*take, sampling, goals) for take in takes]
         readings = {prompt: self.read(prompt) for prompt in dict.fromkeys(prompts)}
         translated = {p: str(english) for p in readings if (english := in_english(p))}
@@ -521,9 +524,9 @@ class MotionPipeline(PickledByFields):
         request = GenerationRequest(tuple(sentences), tuple(frames), tuple(seeds), sampling)
         request.check(card, space.fps)
         starts: list[ClipStart | None] = [None] * count
-        if any(wanted) and sampling.steps > 1 and self.clip_starts is not None:
+        if any(starting) and sampling.steps > 1 and self.clip_starts is not None:
             read = [readings[prompt] for prompt in prompts]
-            starts = self.clip_starts.starts(read, request, free, wanted)
+            starts = self.clip_starts.starts(read, request, free, starting)
         if any(starts):
             frames = [s.frames if s else n for s, n in zip(starts, frames, strict=True)]
             begun = tuple(start and start.start for start in starts)
@@ -775,7 +778,7 @@ class MotionPipeline(PickledByFields):
         """Returns what a function makes of a request's batches, for each motion without padding."""
         request.check(self.card, self.representation.fps)
         batches = request.batches(self.max_batch_size, self.card.masks_padding)
-        outputs = (function(request.take(one)) for one in counted(batches, "generating batches"))
+        outputs = (function(request.take(rows)) for rows in counted(batches, "generating batches"))
         return requests.unpadded(map(self.backend.to_host, outputs), batches, request.frames)
 
     def _denoise(

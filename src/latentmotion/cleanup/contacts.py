@@ -75,8 +75,8 @@ def foot_contacts(
     )
     shortest = max(1, round(settings.shortest * fps))
     columns = (len(lasts), -1)
-    found = _contacts(begins.reshape(columns), lasts.reshape(columns), shortest)
-    return found.reshape(lasts.shape)
+    standing = _contacts(begins.reshape(columns), lasts.reshape(columns), shortest)
+    return standing.reshape(lasts.shape)
 
 
 def _contacts(
@@ -166,10 +166,10 @@ class FootStances:
 
         def jumps(phase: Phase) -> bool:
             foot, start, end = phase
-            own = path[start:end, foot]
-            way = np.linalg.norm(own.max(axis=0) - own.min(axis=0))
-            first = _fastest(own, pause) if way > _JUMP[0] else 0
-            jump = np.linalg.norm(own[first + pause] - own[first])
+            track = path[start:end, foot]
+            way = np.linalg.norm(track.max(axis=0) - track.min(axis=0))
+            first = _fastest(track, pause) if way > _JUMP[0] else 0
+            jump = np.linalg.norm(track[first + pause] - track[first])
             return bool(jump > max(_JUMP[0], _JUMP[1] * way))
 
         return self._broken(path, jumps, pause)
@@ -179,23 +179,23 @@ class FootStances:
 
         def slips(phase: Phase) -> bool:
             foot, start, end = phase
-            own, weight = path[start:end, foot], _confidence(self.speed[start:end, foot])
-            offset = own - weight @ own / weight.sum()
+            track, weight = path[start:end, foot], _confidence(self.speed[start:end, foot])
+            offset = track - weight @ track / weight.sum()
             return bool((offset**2).sum(axis=-1).max() > slip**2)
 
         return self._broken(path, slips, pause)
 
     def _broken(self, path: Paths, condition: Callable[[Phase], bool], pause: int) -> FootStances:
         """Breaks contacts that meet `condition` by a gap of as many frames as a step takes."""
-        kept, remaining = [], list(self.phases)
+        done, remaining = [], list(self.phases)
         while remaining:
             foot, start, end = phase = remaining.pop()
             if end - start > 3 * pause and condition(phase):
                 first = start + _fastest(path[start:end, foot], pause)
                 remaining += [(foot, start, first), (foot, first + pause, end)]
             else:
-                kept.append(phase)
-        return self if len(kept) == len(self.phases) else replace(self, phases=tuple(sorted(kept)))
+                done.append(phase)
+        return self if len(done) == len(self.phases) else replace(self, phases=tuple(sorted(done)))
 
     @cached_property
     def _phase(self) -> Int[np.ndarray, " standing"]:
@@ -267,11 +267,11 @@ def velocity(
     points: Float[np.ndarray, "frames ..."], fps: float
 ) -> Float[np.ndarray, "frames ..."]:
     """Returns central differences, meters per second; zero for a single frame."""
-    found = np.zeros(points.shape)
+    moved = np.zeros(points.shape)
     if len(points) > 1:
-        found[1:-1] = 0.5 * (points[2:] - points[:-2])
-        found[0], found[-1] = points[1] - points[0], points[-1] - points[-2]
-    return fps * found
+        moved[1:-1] = 0.5 * (points[2:] - points[:-2])
+        moved[0], moved[-1] = points[1] - points[0], points[-1] - points[-2]
+    return fps * moved
 
 
 def ramp(values: ArrayLike, low: float, high: float) -> np.ndarray:

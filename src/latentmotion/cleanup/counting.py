@@ -72,18 +72,18 @@ def exact_count(
     if asked.act not in COUNTED or not 1 <= asked.times <= _MOST:
         return cleaned
     joints = cleaned.joints.astype(np.float64)
-    found = repetitions(joints, asked.act, asked.side)
-    if found is None or not found.full or len(found.full) in asked.wanted:
+    repeated = repetitions(joints, asked.act, asked.side)
+    if repeated is None or not repeated.full or len(repeated.full) in asked.wanted:
         return cleaned
-    for pieces in _arrangements(joints, found, asked):
-        made, seams = _joined(motion.joints.astype(np.float64), pieces)
-        candidate = clean(replace(motion, joints=made.astype(np.float32)))
+    for pieces in _arrangements(joints, repeated, asked):
+        spliced, seams = _joined(motion.joints.astype(np.float64), pieces)
+        candidate = clean(replace(motion, joints=spliced.astype(np.float32)))
         joints = candidate.joints.astype(np.float64)
         fits = [seam_of(joints, seam, fps, skeleton, round(_TRANSITION * fps)) for seam in seams]
         again = repetitions(joints, asked.act, asked.side)
         steady = all(fit.slide <= _SLIDE and fit.jerk <= _JERK for fit in fits)
         if steady and again and not again.weak and len(again.full) in asked.wanted:
-            about = {**asdict(asked), "made": len(found.full)}
+            about = {**asdict(asked), "made": len(repeated.full)}
             return replace(candidate, metadata={**candidate.metadata, "count": about})
     return cleaned
 
@@ -91,12 +91,12 @@ def exact_count(
 def _joined(joints: Joints, pieces: Pieces) -> tuple[Float[np.ndarray, "made 22 3"], list[int]]:
     """Returns pieces of a motion one after the other, and the frames of their seams."""
     (first, last), *others = pieces
-    made, seams = joints[first : last + 1], []
+    spliced, seams = joints[first : last + 1], []
     for first, last in others:
-        seams.append(len(made) - 1)
+        seams.append(len(spliced) - 1)
         piece = joints[first : last + 1]
-        made = splice(made, piece, _TRANSITION, HUMANML3D_FEATURES, fitted=False)
-    return made, seams
+        spliced = splice(spliced, piece, _TRANSITION, HUMANML3D_FEATURES, fitted=False)
+    return spliced, seams
 
 
 def _arrangements(joints: Joints, found: Repetitions, asked: Count) -> list[Pieces]:
@@ -117,9 +117,9 @@ def _arrangements(joints: Joints, found: Repetitions, asked: Count) -> list[Piec
         closing = np.where((free & (weak == 0))[:, None] & ends, apart, _FAR)
         resumes, close = closing.argmin(axis=1), closing.min(axis=1)
         for times in range(asked.times + 1):
-            made = passed + times * again + left
+            counts = passed + times * again + left
             length = frames + times * (frames - frames[:, None]) + final - resumes
-            good = (made >= asked.wanted.start) & (made < asked.wanted.stop)
+            good = (counts >= asked.wanted.start) & (counts < asked.wanted.stop)
             good &= (length >= _FRAMES[0]) & (length <= _FRAMES[1])
             good &= (again > 0) & free[:, None] if times else frames[:, None] == 0
             costs = np.where(good, close + times * apart, _FAR)

@@ -153,9 +153,9 @@ def _posed(
     ahead = 0.1 * (moved[:, :, toes] - ankle)
     if len(legs) > 1:  # across from the right hip to the left
         ahead = ahead + cross(hip[:, :, :1] - hip[:, :, 1:], hip - ankle)
-    found = reach(hip, knee, ankle, hip + line * share[..., None], ahead)
-    moved[:, :, knees], moved[:, :, ankles] = found
-    carry = found[1] - ankle
+    posed = reach(hip, knee, ankle, hip + line * share[..., None], ahead)
+    moved[:, :, knees], moved[:, :, ankles] = posed
+    carry = posed[1] - ankle
     for n, leg in enumerate(legs):  # the foot keeps its shape and slope
         moved[:, :, list(leg.below)] += carry[:, :, n, None]
     return moved

@@ -112,9 +112,9 @@ def keep_knee_direction(moved: Joints, joints: Joints, skeleton: Skeleton) -> Jo
     aside = bend - ahead * after
     room = np.sqrt(np.maximum(_norm(bend) ** 2 - least**2, 0))
     turned = ahead * least + unit(aside) * room
-    kept = moved.copy()
-    kept[..., chains[1], :] += np.where(wrong, turned - bend, 0)
-    return kept
+    corrected = moved.copy()
+    corrected[..., chains[1], :] += np.where(wrong, turned - bend, 0)
+    return corrected
 
 
 def _bend(

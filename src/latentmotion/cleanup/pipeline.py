@@ -141,7 +141,9 @@ def clean_batch(
         return [rolled_up(after, before) if n else after for after, before, n in every]
     if steps.settle:
         pairs = zip(motions, corrections, strict=True)
-        motions = [_settled(motion) if one.settles else motion for motion, one in pairs]
+        motions = [
+            _settled(motion) if correction.settles else motion for motion, correction in pairs
+        ]
     cleaned = _clean_alike(motions, steps, corrections)
     moving = replace(steps, in_place=False)  # repetitions are counted on the path
     recorded = [motion.recorded for motion in motions]
@@ -161,8 +163,8 @@ def clean_batch(
         if len(exact) != len(motion):
             recorded[number] = None  # its frames are others
     return [
-        after.with_recorded(kept and kept.following(before.joints, after.joints))
-        for before, after, kept in zip(motions, cleaned, recorded, strict=True)
+        after.with_recorded(source and source.following(before.joints, after.joints))
+        for before, after, source in zip(motions, cleaned, recorded, strict=True)
     ]
 
 
@@ -198,13 +200,13 @@ def _cleaned(joints: Joints, motions: Sequence[Motion], steps: CleanUp) -> Joint
         before, joints = joints, constant_bones(joints, fps, skeleton)
         moved = np.linalg.norm(joints - before, axis=-1)
         for motion in np.flatnonzero(moved.max(axis=(0, 2)) > _FAR).tolist():
-            one = moved[:, motion]
-            frame, joint = np.unravel_index(one.argmax(), one.shape)
+            distance = moved[:, motion]
+            frame, joint = np.unravel_index(distance.argmax(), distance.shape)
             warnings.warn(
                 CleanUpWarning(
                     f"{_named(motions[motion])}bones were drawn so long or short that "
                     f"{skeleton.names[joint]} was moved by "
-                    f"{100 * one.max():.0f} cm at {frame / fps:.1f} s to give them one length",
+                    f"{100 * distance.max():.0f} cm at {frame / fps:.1f} s to give them one length",
                     motions[motion],
                 ),
                 stacklevel=4,
@@ -284,7 +286,7 @@ class Changes:
         moved = after.joints[:count] - before.joints[:count]
         lifted = float(np.median(moved[..., 1]))
         moved = np.linalg.norm(moved - np.array([0, lifted, 0]), axis=-1)
-        old, new = (_path_length(one.joints[:count], one.fps) for one in (before, after))
+        old, new = (_path_length(motion.joints[:count], motion.fps) for motion in (before, after))
         return cls(
             lifted,
             float(moved.mean()),

@@ -59,26 +59,26 @@ def exact_turns(
         The joints, and the degrees that each motion turned before, left is positive; none where
         it was left as it is.
     """
-    made: list[float | None] = [None] * len(turns)
+    before: list[float | None] = [None] * len(turns)
     hips = [skeleton.names.index(n) for n in ("right_hip", "left_hip") if n in skeleton.names]
     if len(hips) < 2 or len(joints) < 3 or not any(turns):
-        return joints, made
+        return joints, before
     joints = joints.copy()
-    for number, asked in enumerate(turns):
-        if asked is not None and _RANGE[0] <= asked.degrees <= _RANGE[1]:
-            one = joints[:, number]
-            heading = _heading(one[:, hips[0]] - one[:, hips[1]], fps)
+    for number, wish in enumerate(turns):
+        if wish is not None and _RANGE[0] <= wish.degrees <= _RANGE[1]:
+            track = joints[:, number]
+            heading = _heading(track[:, hips[0]] - track[:, hips[1]], fps)
             total = 0.0 if heading is None else float(np.degrees(heading[-1] - heading[0]))
-            wrong = (total > 0) != (asked.side == "left") if asked.side else False
-            near = abs(asked.degrees - abs(total)) < _EXACT
-            if heading is None or wrong or near or not _is_one_turn(heading, asked.degrees):
+            wrong = (total > 0) != (wish.side == "left") if wish.side else False
+            near = abs(wish.degrees - abs(total)) < _EXACT
+            if heading is None or wrong or near or not _is_one_turn(heading, wish.degrees):
                 continue
             rates = np.maximum(np.sign(total) * np.diff(heading), 0)
-            missing = np.sign(total) * np.radians(asked.degrees - abs(total))
+            missing = np.sign(total) * np.radians(wish.degrees - abs(total))
             added = missing * np.concatenate([[0], np.cumsum(rates / rates.sum())])
-            joints[:, number] = _turned(one, added)
-            made[number] = total
-    return joints, made
+            joints[:, number] = _turned(track, added)
+            before[number] = total
+    return joints, before
 
 
 def _is_one_turn(heading: Float[np.ndarray, " frames"], degrees: float) -> bool:

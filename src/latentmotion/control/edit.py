@@ -69,8 +69,8 @@ class Gap:
         A frame or two beside the gap that are too few for a token belong to it: they are goals.
         """
         first = self.start - (STRIDE * self.before or min(self.start, 1))
-        known = STRIDE * self.after
-        return first, (self.resumes + known if known else min(self.end + 1, self.total))
+        follow = STRIDE * self.after
+        return first, (self.resumes + follow if follow else min(self.end + 1, self.total))
 
     @property
     def resumes(self) -> int:
@@ -114,12 +114,12 @@ def generate_edited(
     sampling = generator.card.sampling.but(steps, guidance, None)
     _check_like(generator, motion)
     gap, changed = gap_between(motion, between), parts_named(parts, motion.skeleton)
-    made = _filled(generator, motion, gap, prompt, seed, sampling)
+    filled = _filled(generator, motion, gap, prompt, seed, sampling)
     if not changed:
-        return made
+        return filled
     joints, frames = motion.joints.copy(), slice(gap.start, gap.end)
-    joints[frames] = with_parts(joints[frames], made.joints[frames], changed, motion.skeleton)
-    return replace(made, joints=joints)
+    joints[frames] = with_parts(joints[frames], filled.joints[frames], changed, motion.skeleton)
+    return replace(filled, joints=joints)
 
 
 def generate_between(
@@ -255,31 +255,31 @@ def edited(
         fps: Frames per second.
         skeleton: Of the joints.
     """
-    (first, last), own = gap.window, joints.astype(np.float64)
+    (first, last), whole = gap.window, joints.astype(np.float64)
     frames, before, after = last - first, gap.before, gap.after
     # Where nothing is known before the gap, what follows says where the motion is.
     decoded = motion(frames)
     tokens = -(-frames // STRIDE)
-    known, is_known = np.zeros((tokens, latent_width(decoded))), np.zeros(tokens, bool)
+    latents, is_known = np.zeros((tokens, latent_width(decoded))), np.zeros(tokens, bool)
     if before:
-        known[:before] = fit_latents(motion(STRIDE * before), own[first : gap.start])
+        latents[:before] = fit_latents(motion(STRIDE * before), whole[first : gap.start])
         is_known[:before] = True
     if after:
-        known[tokens - after :] = fit_latents(motion(STRIDE * after), own[gap.resumes : last])
+        latents[tokens - after :] = fit_latents(motion(STRIDE * after), whole[gap.resumes : last])
         # The first is free where others follow: fitted as the start of a motion, it would draw
         # limbs too long beside what is generated before it.
         is_known[tokens - max(after - 1, 1) :] = True
-    residual = _seam_goals(own, gap, decoded, known, is_known, skeleton)
-    correction = Correction(decoded, residual, known, is_known, ReachSettings(updates=1))
+    residual = _seam_goals(whole, gap, decoded, latents, is_known, skeleton)
+    correction = Correction(decoded, residual, latents, is_known, ReachSettings(updates=1))
     z = correction.updates(0)(sample(frames, correction)[None])[0]
     z = reach(z, decoded, residual, ~is_known, ReachSettings(updates=6))
-    made = Motion(decoded.joints(z).astype(np.float32), fps, skeleton)
-    made = clean(made).joints.astype(np.float64)
+    clip = Motion(decoded.joints(z).astype(np.float32), fps, skeleton)
+    clip = clean(clip).joints.astype(np.float64)
     inside = slice(gap.start - first, gap.end - first)
     anchor = slice(0, inside.start) if inside.start else slice(inside.stop, frames)
-    made = _aligned(made, made[anchor], own[first:last][anchor], inside.start > 0)
-    before, after = own[max(0, gap.start - 3) : gap.start], own[gap.end : gap.end + 3]
-    piece = inertialized(made[inside], before, after, skeleton, _SEAM)
+    clip = _aligned(clip, clip[anchor], whole[first:last][anchor], inside.start > 0)
+    before, after = whole[max(0, gap.start - 3) : gap.start], whole[gap.end : gap.end + 3]
+    piece = inertialized(clip[inside], before, after, skeleton, _SEAM)
     return np.concatenate([joints[: gap.start], piece.astype(joints.dtype), joints[gap.end :]])
 
 

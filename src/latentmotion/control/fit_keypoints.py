@@ -135,19 +135,19 @@ def fit_motion(
     for start in range(0, max(1, scene.frames - _OVERLAP), max(1, length - _OVERLAP)):
         frames = min(length, scene.frames - start)
         window = scene.window(start, max(frames, shortest))
-        joints, found = _fitted_window(window, motion(window.frames))
+        joints, facts = _fitted_window(window, motion(window.frames))
         # A camera and the floor stay: later windows take them from those before.
-        scene = replace(scene, pitch=found["pitch"], floor=found["floor"])
+        scene = replace(scene, pitch=facts["pitch"], floor=facts["floor"])
         pieces.append((start, joints[:frames]))
-        about.append(found)
+        about.append(facts)
     joints, pitch = _joined(pieces, scene.frames), about[0]["pitch"]
     if scene.flat:
         # From the camera's axes to the floor: the motion starts above the origin.
         joints = tilt(joints, -pitch)
         joints -= [joints[0, 0, 0], np.percentile(joints[..., 1].min(axis=1), 10), joints[0, 0, 2]]
     notes: dict[str, Any] = {
-        "noise": round(float(np.mean([found["noise"] for found in about])) / scene.scale, 4),
-        "dropped": round(float(np.mean([found["dropped"] for found in about])), 4),
+        "noise": round(float(np.mean([window["noise"] for window in about])) / scene.scale, 4),
+        "dropped": round(float(np.mean([window["dropped"] for window in about])), 4),
         "scale": round(scene.scale, 4),
     }
     if scene.flat:
@@ -204,17 +204,19 @@ class Scene:
                     ReadingWarning,
                     stacklevel=3,
                 )
-            own = white_noise(points)
-            scale = body_scale(points, names, own)
-            own = own * scale if noise is None else noise * scale
+            deviation = white_noise(points)
+            scale = body_scale(points, names, deviation)
+            deviation = deviation * scale if noise is None else noise * scale
             points = np.nan_to_num(points) * scale
-            return cls(points, weights, positions, names, frames, scale, own)
+            return cls(points, weights, positions, names, frames, scale, deviation)
         width, height = keypoints.size or np.nanmax(points, axis=(0, 1))
         focal = keypoints.focal or width / 2 / np.tan(np.radians(_FIELD_OF_VIEW / 2))
         points = (points - np.array([width, height]) / 2) / focal
         depth = camera_distance(points, names, fps=keypoints.fps)
-        own = white_noise(points * depth[:, None, None]) if noise is None else noise
-        return cls(np.nan_to_num(points), weights, positions, names, frames, 1.0, own, depth, focal)
+        deviation = white_noise(points * depth[:, None, None]) if noise is None else noise
+        return cls(
+            np.nan_to_num(points), weights, positions, names, frames, 1.0, deviation, depth, focal
+        )
 
     @property
     def flat(self) -> bool:
@@ -223,13 +225,13 @@ class Scene:
 
     def window(self, start: int, frames: int) -> Scene:
         """Returns so many frames from a frame on."""
-        own = (self.positions >= start) & (self.positions <= start + frames - 1)
+        inside = (self.positions >= start) & (self.positions <= start + frames - 1)
         return replace(
             self,
-            points=self.points[own],
-            weights=self.weights[own],
-            positions=self.positions[own] - start,
-            depth=None if self.depth is None else self.depth[own],
+            points=self.points[inside],
+            weights=self.weights[inside],
+            positions=self.positions[inside] - start,
+            depth=None if self.depth is None else self.depth[inside],
             frames=frames,
         )
 
@@ -250,8 +252,8 @@ def white_noise(points: Float[np.ndarray, "frames keypoints n"]) -> float:
     third = np.diff(points, n=3, axis=0)
     third = np.abs(third[np.isfinite(third)])
     # The variance of the third difference of white noise is 20 times its own.
-    found = float(np.median(third)) / 0.6745 / np.sqrt(20) if len(third) else _EXPRESSED
-    return float(np.clip(found, _LEAST_NOISE, _MOST_NOISE))
+    deviation = float(np.median(third)) / 0.6745 / np.sqrt(20) if len(third) else _EXPRESSED
+    return float(np.clip(deviation, _LEAST_NOISE, _MOST_NOISE))
 
 
 def body_scale(
@@ -290,13 +292,13 @@ def camera_distance(
         ends = [_middle(points, names, name) for name in (a, b)]
         sizes.append(np.linalg.norm(ends[1] - ends[0], axis=-1) / length)
     table = np.stack(sizes)
-    seen = np.isfinite(table).any(axis=0)
-    if not seen.any():
+    visible = np.isfinite(table).any(axis=0)
+    if not visible.any():
         raise InputError("neither trunk nor limbs were seen: how far away the person is, is open")
     # What is seen from the side looks shorter, nothing looks longer.
-    size = np.nanpercentile(np.where(seen, table, 1.0), 80, axis=0)
+    size = np.nanpercentile(np.where(visible, table, 1.0), 80, axis=0)
     frames = np.arange(len(points), dtype=float)
-    size = np.interp(frames, frames[seen], size[seen])
+    size = np.interp(frames, frames[visible], size[visible])
     return (
         1 / np.maximum(_smoothed(size[:, None], np.ones(len(size)), frames, 0.3 * fps), 1e-3)[:, 0]
     )
@@ -322,14 +324,14 @@ def _smoothed(
     frames: int | None = None,
 ) -> Float[np.ndarray, "frames n"]:
     """Returns points at each frame: Gaussian means of what is near, straight lines elsewhere."""
-    wanted = at if frames is None else np.arange(frames)
-    near = np.exp(-0.5 * ((wanted[:, None] - at) / width) ** 2) * weights
+    times = at if frames is None else np.arange(frames)
+    near = np.exp(-0.5 * ((times[:, None] - at) / width) ** 2) * weights
     total = near.sum(axis=1)
-    known = total > 0.1 * weights.max(initial=1e-9)
-    found = near @ points / np.maximum(total, 1e-12)[:, None]
-    if not known.any():
-        return np.full(found.shape, np.nan)
-    return np.stack([np.interp(wanted, wanted[known], row[known]) for row in found.T], axis=1)
+    supported = total > 0.1 * weights.max(initial=1e-9)
+    means = near @ points / np.maximum(total, 1e-12)[:, None]
+    if not supported.any():
+        return np.full(means.shape, np.nan)
+    return np.stack([np.interp(times, times[supported], row[supported]) for row in means.T], axis=1)
 
 
 def _fitted_window(scene: Scene, motion: DecodedMotion) -> tuple[Joints, dict[str, float]]:
@@ -349,20 +351,20 @@ def _fitted_window(scene: Scene, motion: DecodedMotion) -> tuple[Joints, dict[st
     _, p = min(candidates, key=lambda found: found[0])
     joints = _placed(motion, p, width)
     off = np.linalg.norm(observation.missing(joints), axis=-1)
-    seen = scene.weights > 0
+    visible = scene.weights > 0
     # Medians of the lengths of normal vectors of deviation 1 in three and two dimensions.
-    spread = float(np.median(off[seen])) / (1.177 if scene.flat else 1.538)
+    spread = float(np.median(off[visible])) / (1.177 if scene.flat else 1.538)
     noise = float(np.clip(spread, 0.5 * _EXPRESSED, _MOST_NOISE))
-    kept = off < _OUTLIER * noise
-    observation = replace(observation, weights=scene.weights * kept)
+    inliers = off < _OUTLIER * noise
+    observation = replace(observation, weights=scene.weights * inliers)
     _, p = _refined(observation, motion, p, noise, 80)
     joints = _placed(motion, p, width)
     if not scene.flat:
         joints = joints + _detail(observation, joints, scene.noise)
         joints = _bridged(observation, joints, motion.representation.fps)
-    dropped = float((seen & ~kept).sum() / seen.sum())
-    found = {"noise": scene.noise, "dropped": dropped}
-    return joints, found | {"floor": float(p[-3]), "pitch": float(p[-1])}
+    dropped = float((visible & ~inliers).sum() / visible.sum())
+    facts = {"noise": scene.noise, "dropped": dropped}
+    return joints, facts | {"floor": float(p[-3]), "pitch": float(p[-1])}
 
 
 def _refined(
@@ -389,8 +391,8 @@ def _refined(
         unlikely, slope = unlikeliness(z)
         return value + unlikely, np.concatenate([(of_latents + slope).ravel(), of_placement])
 
-    found = lbfgs(loss, start, iterations, memory=40)
-    return loss(found)[0], found
+    solution = lbfgs(loss, start, iterations, memory=40)
+    return loss(solution)[0], solution
 
 
 def unlikeliness(
@@ -423,33 +425,35 @@ def _start(
     """
     space = motion.representation
     assert isinstance(space, HumanML3DRepresentation)
-    joints, known = rough_joints(scene)
+    joints, observed = rough_joints(scene)
     place = np.array([joints[0, 0, 0], floor, joints[0, 0, 2]])
-    own = turn(joints - place, -yaw[:1, None])
-    own = np.concatenate([own, 2 * own[-1:] - own[-2:-1]])
+    local = turn(joints - place, -yaw[:1, None])
+    local = np.concatenate([local, 2 * local[-1:] - local[-2:-1]])
     ahead = np.concatenate([yaw, yaw[-1:]]) - yaw[0]
     count = joint_features(space)
-    wanted = space.describe(own, ahead)[:, :count]
-    weights = np.ones(wanted.shape)
-    weights[:, space.blocks["positions"]] = np.repeat(known[:, 1:], 3, axis=1)
-    z = fit_features(motion, wanted, weights, 0.2, 30)
+    features = space.describe(local, ahead)[:, :count]
+    weights = np.ones(features.shape)
+    weights[:, space.blocks["positions"]] = np.repeat(observed[:, 1:], 3, axis=1)
+    z = fit_features(motion, features, weights, 0.2, 30)
     return np.concatenate([z.ravel(), yaw[:1], place, [scene.pitch or 0.0]])
 
 
 def _floors(scene: Scene) -> list[float]:
     """Returns heights of the floor to begin with: one, or those that are as likely."""
-    joints, known = rough_joints(scene)
+    joints, observed = rough_joints(scene)
     high = joints[:, 0, 1]
     if scene.flat:
         return [float(np.median(high)) - 0.9]
-    seen = {HUMANML3D.names[joint].split("_")[-1] for joint in np.flatnonzero(known.any(axis=0))}
-    lowest = float(np.percentile(joints[:, known.any(axis=0), 1], 2))
-    if seen & {"ankle", "foot"}:
+    parts = {
+        HUMANML3D.names[joint].split("_")[-1] for joint in np.flatnonzero(observed.any(axis=0))
+    }
+    lowest = float(np.percentile(joints[:, observed.any(axis=0), 1], 2))
+    if parts & {"ankle", "foot"}:
         return [lowest]
     if scene.floor is not None:
         return [scene.floor]
     # Somebody stands for a while at least; or sits or lies, and the floor is at 0.
-    standing = lowest - _KNEE if "knee" in seen else float(np.percentile(high, 80)) - _PELVIS
+    standing = lowest - _KNEE if "knee" in parts else float(np.percentile(high, 80)) - _PELVIS
     near = abs(standing) < 0.1 or not 0 < standing + _PELVIS < 1.4
     return [standing] if near else [standing, 0.0]
 
@@ -466,9 +470,9 @@ def rough_joints(scene: Scene) -> tuple[Joints, Bool[np.ndarray, "frames joints"
     matrix, frames = joint_weights(scene.names), scene.frames
     tracks = np.full((frames, len(scene.names), 3), np.nan)
     for k in np.flatnonzero((scene.weights > 0).any(axis=0)):
-        own = scene.weights[:, k] > 0
+        visible = scene.weights[:, k] > 0
         tracks[:, k] = _smoothed(
-            points[own, k], scene.weights[own, k], scene.positions[own], width, frames
+            points[visible, k], scene.weights[visible, k], scene.positions[visible], width, frames
         )
     hips, shoulders = (_middle(tracks, scene.names, f"mid_{part}") for part in ("hip", "shoulder"))
     whole = np.nanmean(tracks, axis=1)
@@ -477,19 +481,19 @@ def rough_joints(scene: Scene) -> tuple[Joints, Bool[np.ndarray, "frames joints"
     )
     pelvis = np.where(np.isfinite(pelvis), pelvis, whole)
     if "pelvis" in scene.names:
-        own = tracks[:, scene.names.index("pelvis")]
-        pelvis = np.where(np.isfinite(own), own, pelvis)
+        track = tracks[:, scene.names.index("pelvis")]
+        pelvis = np.where(np.isfinite(track), track, pelvis)
     joints = np.repeat(pelvis[:, None], len(HUMANML3D), axis=1)
-    known = np.zeros(joints.shape[:2], bool)
-    known[:, 0] = True
+    observed = np.zeros(joints.shape[:2], bool)
+    observed[:, 0] = True
     if scene.flat:
-        return joints, known
+        return joints, observed
     seen_near = _seen_near(scene)
     for k, row in enumerate(matrix):
         if (row == 1).sum() == 1 and np.isfinite(tracks[:, k]).all():
             joint = int(row.argmax())
-            joints[:, joint], known[:, joint] = tracks[:, k], seen_near[:, k]
-    return joints, known
+            joints[:, joint], observed[:, joint] = tracks[:, k], seen_near[:, k]
+    return joints, observed
 
 
 def _seen_near(scene: Scene) -> Bool[np.ndarray, "frames keypoints"]:
@@ -506,9 +510,9 @@ def _headings(scene: Scene) -> list[Float[np.ndarray, " frames"]]:
         if across.any():
             return [_heading_of(-across[:, 0], across[:, 2])]
         across = _across(scene, _SIDES, 10.0)
-        found = [_heading_of(-across[:, 0], across[:, 2])] if across.any() else []
-        found += _headings_of_path(scene)
-        return found or [np.full(scene.frames, yaw) for yaw in np.arange(4) * np.pi / 2]
+        headings = [_heading_of(-across[:, 0], across[:, 2])] if across.any() else []
+        headings += _headings_of_path(scene)
+        return headings or [np.full(scene.frames, yaw) for yaw in np.arange(4) * np.pi / 2]
     assert scene.depth is not None
     # In the picture the right side is at -x; how wide hips and shoulders look says how far turned.
     depth = _smoothed(
@@ -523,7 +527,7 @@ def _across(
     scene: Scene, parts: tuple[str, ...], width: float
 ) -> Float[np.ndarray, "frames coordinates"]:
     """Returns how far the right side is from the left one, smoothed and summed; 0 if not seen."""
-    found = np.zeros((scene.frames, scene.points.shape[2]))
+    total = np.zeros((scene.frames, scene.points.shape[2]))
     for part in parts:
         sides = [f"{side}_{part}" for side in ("right", "left")]
         if set(sides) <= set(scene.names):
@@ -531,8 +535,8 @@ def _across(
             both = scene.weights[:, k].min(axis=1)
             if (both > 0).any():
                 step = scene.points[:, k[0]] - scene.points[:, k[1]]
-                found += _smoothed(step, both, scene.positions, width, scene.frames)
-    return found
+                total += _smoothed(step, both, scene.positions, width, scene.frames)
+    return total
 
 
 def _headings_of_path(scene: Scene) -> list[Float[np.ndarray, " frames"]]:
@@ -569,10 +573,10 @@ def _detail(observation: Observation, joints: Joints, noise: float) -> Joints:
         if (row == 1).sum() != 1 or not (weights[:, k] > 0).any():
             continue
         count = share.T @ weights[:, k]
-        seen = count > 0.05
-        mean = (share.T @ (weights[:, k, None] * off[:, k]))[seen] / count[seen, None]
-        both = expected[np.ix_(seen, seen)] + np.diag(noise**2 / count[seen])
-        added[:, int(row.argmax())] = expected[:, seen] @ np.linalg.solve(both, mean)
+        visible = count > 0.05
+        mean = (share.T @ (weights[:, k, None] * off[:, k]))[visible] / count[visible, None]
+        both = expected[np.ix_(visible, visible)] + np.diag(noise**2 / count[visible])
+        added[:, int(row.argmax())] = expected[:, visible] @ np.linalg.solve(both, mean)
     return added
 
 
@@ -581,13 +585,13 @@ def _bridged(observation: Observation, joints: Joints, fps: float) -> Joints:
 
     What a cubic curve is off grows with the square of the gap; what latents are off hardly does.
     """
-    found, count = joints.copy(), observation.times.T @ (observation.weights > 0)
+    bridged, count = joints.copy(), observation.times.T @ (observation.weights > 0)
     for k, row in enumerate(observation.joints):
-        seen = np.flatnonzero(count[:, k] > 0)
+        visible = np.flatnonzero(count[:, k] > 0)
         if (row == 1).sum() != 1:
             continue
         joint = int(row.argmax())
-        for last, first in pairwise(seen):
+        for last, first in pairwise(visible):
             length = int(first - last)
             if length < 3 or last < 2 or first + 2 >= len(joints):
                 continue
@@ -599,8 +603,8 @@ def _bridged(observation: Observation, joints: Joints, fps: float) -> Joints:
             ends = (2 * t**3 - 3 * t**2 + 1, 3 * t**2 - 2 * t**3)
             curve = ends[0] * joints[last, joint] + ends[1] * joints[first, joint]
             curve += length * ((t**3 - 2 * t**2 + t) * before + (t**3 - t**2) * after)
-            found[last + 1 : first, joint] += share * (curve - joints[last + 1 : first, joint])
-    return found
+            bridged[last + 1 : first, joint] += share * (curve - joints[last + 1 : first, joint])
+    return bridged
 
 
 def _joined(

@@ -106,14 +106,14 @@ def latents_of(generator: Generator, request: GenerationRequest) -> Sample:
     def sample_latents(
         frames: int, correct: Callable[[np.ndarray], np.ndarray]
     ) -> Float[np.ndarray, "tokens width"]:
-        one = replace(request, frames=(frames,))
+        sized = replace(request, frames=(frames,))
         backend = generator.backend
-        batch, noise = padded_batch(one, condition, generator.card.latents, backend)
+        batch, noise = padded_batch(sized, condition, generator.card.latents, backend)
         corrected = CorrectedDenoiser(generator.guided(sampling), correct)
-        sampler, steps, (left,) = generator.sampler(sampling), sampling.steps, one.remaining
+        sampler, steps, (left,) = generator.sampler(sampling), sampling.steps, sized.remaining
         if left is not None:  # it starts from a clip
             first = remaining_times(sampler.schedule, steps, left)[0]
-            batch = with_starts(batch, one.starts, sampler.schedule, first, backend)
+            batch = with_starts(batch, sized.starts, sampler.schedule, first, backend)
         chain = corrected, sampler, batch.noise, batch.condition, batch.tokens, steps, noise
         return sample(*chain, left)[0]
 
@@ -127,9 +127,9 @@ def known_latents_of(generator: Generator, request: GenerationRequest) -> Sample
     def sample_known(
         z: Float[np.ndarray, "tokens width"], known: Bool[np.ndarray, " tokens"], seed: int
     ) -> Float[np.ndarray, "tokens width"]:
-        one, frames = replace(request, seeds=(seed,)), len(z) * STRIDE
+        seeded, frames = replace(request, seeds=(seed,)), len(z) * STRIDE
         keep = Correction(motion(frames), known=z, is_known=known)
-        return keep(latents_of(generator, one)(frames, keep)[None])[0]
+        return keep(latents_of(generator, seeded)(frames, keep)[None])[0]
 
     return sample_known
 

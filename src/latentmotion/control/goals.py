@@ -245,11 +245,11 @@ class TargetResidual:
         hands, count = hand_points(self.skeleton), len(names)
 
         def add(joint: Int[np.ndarray, " rows"], chosen: np.ndarray, sign: float) -> None:
-            for row, frame, one in zip(rows[chosen], frames[chosen], joint[chosen], strict=True):
-                if one < count:
-                    gradient[row, frame, one] += sign * along[row]
+            for row, frame, point in zip(rows[chosen], frames[chosen], joint[chosen], strict=True):
+                if point < count:
+                    gradient[row, frame, point] += sign * along[row]
                     continue
-                hand = hands[one - count]
+                hand = hands[point - count]
                 forearm = joints[frame, hand.wrist] - joints[frame, hand.elbow]
                 share = hand.beyond / max(float(np.linalg.norm(forearm)), 1e-6)
                 gradient[row, frame, hand.wrist] += sign * (1 + share) * along[row]
@@ -410,17 +410,17 @@ def check_targets(
     """
     length, names = _distances(skeleton), _point_names(skeleton)
     origins = np.full(len(targets.frames), -1) if targets.origins is None else targets.origins
-    seen: set[tuple[int, int]] = set()
-    found: dict[tuple[int, int], np.ndarray] = {}
+    points: set[tuple[int, int]] = set()
+    places: dict[tuple[int, int], np.ndarray] = {}
     for frame, joint, place, origin in zip(
         targets.frames, targets.joints, targets.places, origins.tolist(), strict=True
     ):
         key, name, at = (int(frame), int(joint)), names[joint], frame / fps
-        if key in seen:
+        if key in points:
             raise InputError(f"two goals for {name} at {at:g} s: leave one out")
         if np.isinf(place).any() or np.isnan(place).all():
             raise InputError(f"goal of {name} at {at:g} s: expected meters for x, y or z")
-        seen.add(key)
+        points.add(key)
         if origin >= 0:
             apart, bones = float(np.linalg.norm(np.nan_to_num(place))), length[joint, origin]
             if apart > 1.05 * bones + 0.05:
@@ -429,7 +429,7 @@ def check_targets(
                     f"between them are {bones:.2f} m long"
                 )
             continue
-        found[key] = place
+        places[key] = place
         highest = _STANDING + _JUMP + length[0, joint]
         if place[1] > highest or place[1] < -0.1:
             raise InputError(
@@ -443,7 +443,7 @@ def check_targets(
                 f"goal of {name} at {at:g} s is {far:.1f} m from the start: within that time a "
                 f"person who runs {FASTEST:g} m/s reaches {within:.1f} m; set it nearer or later"
             )
-    ordered = sorted(found.items())
+    ordered = sorted(places.items())
     for ((frame, joint), place), ((later, other), goal) in pairwise(ordered):
         room = length[joint, other] * 1.05 + 0.05 + FASTEST * (later - frame) / fps
         far = float(np.linalg.norm(np.nan_to_num(goal - place)))
@@ -524,4 +524,4 @@ def _distances(skeleton: Skeleton) -> Float[np.ndarray, "points points"]:
     above: list[set[int]] = []
     for joint, parent in enumerate([*skeleton.parents, *(hand.wrist for hand in hands)]):
         above.append({joint} | (above[parent] if parent >= 0 else set()))
-    return np.array([[sum(bones[j] for j in own ^ other) for other in above] for own in above])
+    return np.array([[sum(bones[j] for j in first ^ other) for other in above] for first in above])

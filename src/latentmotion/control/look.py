@@ -79,8 +79,8 @@ def _toward(
     angles = np.zeros(2)
     for _ in range(_ROUNDS):
         way = axes.T @ (to - place) - _turned(angles[0:1], angles[1:2])[0] @ _EYES
-        found = np.array([np.arctan2(way[0], way[2]), np.arctan2(way[1], np.hypot(way[0], way[2]))])
-        angles = np.clip(found, -_FARTHEST, _FARTHEST)
+        goal = np.array([np.arctan2(way[0], way[2]), np.arctan2(way[1], np.hypot(way[0], way[2]))])
+        angles = np.clip(goal, -_FARTHEST, _FARTHEST)
     return angles
 
 

@@ -46,10 +46,10 @@ class Observation:
         """Shares of the two frames between which each was observed."""
         before = np.clip(self.positions.astype(int), 0, max(self.frames - 2, 0))
         share, rows = np.clip(self.positions - before, 0, 1), np.arange(len(before))
-        found = np.zeros((len(before), self.frames))
-        found[rows, before] = 1 - share
-        found[rows, np.minimum(before + 1, self.frames - 1)] += share
-        return found
+        shares = np.zeros((len(before), self.frames))
+        shares[rows, before] = 1 - share
+        shares[rows, np.minimum(before + 1, self.frames - 1)] += share
+        return shares
 
     def missing(
         self, placed: Float[np.ndarray, "frames joints 3"]

@@ -70,7 +70,7 @@ def parts_named(names: Sequence[str], skeleton: Skeleton) -> list[Part]:
     """
     if isinstance(names, str):
         raise InputError(f"parts is {names!r}: expected a list of names, such as [{names!r}]")
-    found, taken = [], dict[str, str]()
+    chosen, owners = [], dict[str, str]()
     for name in names:
         if name not in PARTS:
             raise InputError(f"unknown part {name!r}: {hint(name, PARTS)}")
@@ -79,11 +79,11 @@ def parts_named(names: Sequence[str], skeleton: Skeleton) -> list[Part]:
         if lacking:
             raise InputError(f"skeleton {skeleton.name!r} lacks {lacking[0]}, which {name} needs")
         for joint in part.joints:
-            if joint in taken:
-                raise InputError(f"{joint} belongs to both {taken[joint]} and {name}: leave one")
-            taken[joint] = name
-        found.append(part)
-    return found
+            if joint in owners:
+                raise InputError(f"{joint} belongs to both {owners[joint]} and {name}: leave one")
+            owners[joint] = name
+        chosen.append(part)
+    return chosen
 
 
 def with_parts(own: Joints, other: Joints, parts: Sequence[Part], skeleton: Skeleton) -> Joints:
@@ -107,9 +107,9 @@ def with_parts(own: Joints, other: Joints, parts: Sequence[Part], skeleton: Skel
             bone *= length / np.maximum(np.linalg.norm(bone, axis=-1, keepdims=True), 1e-9)
             moved[:, joint] = moved[:, parent] + bone
     changed = [names.index(name) for part in parts for name in part.joints]
-    found = own.copy()
-    found[:, changed] = moved[:, changed]
-    return found
+    replaced = own.copy()
+    replaced[:, changed] = moved[:, changed]
+    return replaced
 
 
 def _rotation(

@@ -82,8 +82,8 @@ class Curve:
         """Returns the direction at a length, rounded where the curve has corners."""
         offsets = np.linspace(-3, 3, 25)
         weights = np.exp(-0.5 * offsets**2)
-        found = [np.interp(along + _ROUND * o, self.along, self.directions) for o in offsets]
-        return np.tensordot(weights / weights.sum(), np.stack(found), axes=1)
+        headings = [np.interp(along + _ROUND * o, self.along, self.directions) for o in offsets]
+        return np.tensordot(weights / weights.sum(), np.stack(headings), axes=1)
 
     def place(
         self, along: Float[np.ndarray, "*batch"], aside: Float[np.ndarray, "*batch"]
@@ -169,8 +169,8 @@ def bent(
         ankle = joints[:, leg.ankle]
         goal = moved[:, leg.ankle].copy()
         goal[:, ::2] = curve.place(ankle[:, 2], ankle[:, 0])
-        own = curve.direction(ankle[:, 2])
-        foot = turn(joints[:, list(leg.below)] - ankle[:, None], own[:, None])
+        facing = curve.direction(ankle[:, 2])
+        foot = turn(joints[:, list(leg.below)] - ankle[:, None], facing[:, None])
         ahead = turn(np.broadcast_to(np.array([0.0, 0.0, 1.0]), ankle.shape), direction)
         knee, ankle = bend_leg(
             moved[:, leg.hip], moved[:, leg.knee], moved[:, leg.ankle], goal, ahead

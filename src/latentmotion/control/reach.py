@@ -122,10 +122,10 @@ class DecodedMotion:
             * np.broadcast_to(self.features.std, self.representation.width)[: gradient.shape[2]]
         )
         latents = self.latents.denormalize(z)[None].astype(np.float32)
-        found = self.pullback(
+        gradients = self.pullback(
             latents=latents, mask=self._mask, gradient=normalized.astype(np.float32)
         )
-        return found * self.latents.std
+        return gradients * self.latents.std
 
     @property
     def _mask(self) -> Bool[np.ndarray, "1 frames"]:
@@ -170,7 +170,7 @@ def reach(
     for update in range(settings.updates):
         if not len(missing) or np.abs(missing).max() < settings.tolerance:
             break
-        kept = rows is not None
+        reused = rows is not None
         if rows is None:
             rows = motion.rows(z, features, joints, residual.gradient(joints))
             rows = rows if free is None else rows * free[:, None]
@@ -190,7 +190,7 @@ def reach(
                 break
             step = step / 2
         else:
-            if not kept:
+            if not reused:
                 break
             features = motion.decode(z)
             joints = motion.representation.decode(features)
@@ -294,10 +294,10 @@ def joints_pullback(
     rows, frames = gradient.shape[:2]
     blocks = representation.blocks
     yaw = -2 * np.concatenate([[0.0], np.cumsum(features[:-1, blocks["yaw_velocity"]][:, 0])])
-    found = np.zeros((rows, frames, joint_features(representation)))
+    pulled = np.zeros((rows, frames, joint_features(representation)))
     local = turn(gradient, -yaw[:, None])
-    found[..., blocks["root_height"]] = local[:, :, :1, 1]
-    found[..., blocks["positions"]] = local[:, :, 1:].reshape(rows, frames, -1)
+    pulled[..., blocks["root_height"]] = local[:, :, :1, 1]
+    pulled[..., blocks["positions"]] = local[:, :, 1:].reshape(rows, frames, -1)
 
     root = joints[:, 0] * (1, 0, 1)
     around = joints - root[:, None]
@@ -307,10 +307,10 @@ def joints_pullback(
     follows = np.cumsum(gradient.sum(axis=2)[:, ::-1], axis=1)[:, ::-1]
     steps = np.diff(root, axis=0)
     of_yaw[:, 1:] += follows[:, 1:, 0] * steps[:, 2] - follows[:, 1:, 2] * steps[:, 0]
-    found[:, :-1, blocks["root_velocity"]] = turn(follows[:, 1:], -yaw[1:])[..., ::2]
+    pulled[:, :-1, blocks["root_velocity"]] = turn(follows[:, 1:], -yaw[1:])[..., ::2]
     later = np.cumsum(of_yaw[:, ::-1], axis=1)[:, ::-1]
-    found[:, :-1, blocks["yaw_velocity"]] = -2 * later[:, 1:, None]
-    return found
+    pulled[:, :-1, blocks["yaw_velocity"]] = -2 * later[:, 1:, None]
+    return pulled
 
 
 _MEMORY = 12
@@ -331,8 +331,8 @@ def fit_latents(
     """
     # The last frame has no velocity; the one before is kept.
     ahead = joints[-1:] + (joints[-1:] - joints[-2:-1])
-    wanted = motion.representation.encode(np.concatenate([joints, ahead]))
-    return fit_features(motion, wanted, np.ones(wanted.shape), 0.0, iterations)
+    features = motion.representation.encode(np.concatenate([joints, ahead]))
+    return fit_features(motion, features, np.ones(features.shape), 0.0, iterations)
 
 
 def fit_features(

@@ -110,11 +110,11 @@ def read_scene(path: Path) -> Scene:
     most = dict.fromkeys(("goals", "headings", "looks", "poses"), MOST_GOALS)
     for name, count in {**most, "timeline": MOST_SPANS, "timeline_parts": MOST_SPANS}.items():
         if len(getattr(scene, name)) > count:
-            found = f"{len(getattr(scene, name)):,} {name}"
-            raise InputError(f"{path}: {found}, expected at most {count}")
+            size = f"{len(getattr(scene, name)):,} {name}"
+            raise InputError(f"{path}: {size}, expected at most {count}")
     if scene.path is not None and len(scene.path.points) > MOST_GOALS:
-        found = f"a path of {len(scene.path.points):,} points"
-        raise InputError(f"{path}: {found}, expected at most {MOST_GOALS}; leave some out")
+        size = f"a path of {len(scene.path.points):,} points"
+        raise InputError(f"{path}: {size}, expected at most {MOST_GOALS}; leave some out")
     single = scene.prompt or scene.seconds is not None or scene.path or scene.goals
     if scene.timeline and (single or scene.headings or scene.looks or scene.poses):
         raise InputError(f"{path}: a timeline has no prompt, length or goals")

@@ -116,7 +116,7 @@ def generate_timeline(
     prompts = [span.prompt for span in every]
     usual = generator.usual_seconds(prompts) or [USUAL_SECONDS] * len(every)
     tokens, (shortest, longest) = tokens_of(every, usual, space.fps), card.frames
-    above = [one if isinstance(one, PartSpan) else PartSpan(*one) for one in parts]
+    above = [span if isinstance(span, PartSpan) else PartSpan(*span) for span in parts]
     check_parts(above, sum(tokens) * STRIDE / space.fps, space.skeleton)
     frames = [min(max(STRIDE * count, shortest), longest) for count in tokens]
     request = GenerationRequest(tuple(prompts), tuple(frames), (seed,) * len(every), sampling)
@@ -131,7 +131,7 @@ def generate_timeline(
     features = decode_in_windows(z, motion, margin_of(generator))
     joints = np.asarray(space.decode(features), np.float32)
     ends = (np.cumsum(tokens) * STRIDE / space.fps).tolist()
-    found: list[dict[str, object]] = [
+    sections: list[dict[str, object]] = [
         {"prompt": prompt, "start": start, "end": end}
         for prompt, start, end in zip(prompts, [0.0, *ends], ends, strict=False)
     ]
@@ -139,10 +139,10 @@ def generate_timeline(
         # A token more, so that rounding takes no frame away.
         alone = Span(span.prompt, span.end - span.start + STRIDE / space.fps)
         drawn = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
-        own = generate_timeline(generator, [alone], drawn, steps, guidance).joints
-        joints = _with_part(joints, own, span, space.fps, space.skeleton)
-        found.append(vars(span))
-    about = {**metadata_of(generator, seed, sampling), "spans": found}
+        part_joints = generate_timeline(generator, [alone], drawn, steps, guidance).joints
+        joints = _with_part(joints, part_joints, span, space.fps, space.skeleton)
+        sections.append(vars(span))
+    about = {**metadata_of(generator, seed, sampling), "spans": sections}
     words = [", then ".join(prompts), *(f"{span.part}: {span.prompt}" for span in above)]
     return Motion(joints, space.fps, space.skeleton, "; ".join(words), about)
 
@@ -156,8 +156,8 @@ def spans_of(timeline: Sequence[str | tuple[str, float] | Span]) -> tuple[Span, 
     if not timeline:
         raise InputError("the timeline is empty; expected one prompt or more")
     return tuple(
-        Span(one) if isinstance(one, str) else one if isinstance(one, Span) else Span(*one)
-        for one in timeline
+        Span(span) if isinstance(span, str) else span if isinstance(span, Span) else Span(*span)
+        for span in timeline
     )
 
 
@@ -249,13 +249,13 @@ def sampled_spans(
         parts = -(-count // (longest - KNOWN))
         for part in range(parts):
             fresh = count * (part + 1) // parts - count * part // parts
-            kept = min(KNOWN, len(z))
-            window = np.zeros((kept + fresh, width))
-            window[:kept] = z[len(z) - kept :]
+            overlap = min(KNOWN, len(z))
+            window = np.zeros((overlap + fresh, width))
+            window[:overlap] = z[len(z) - overlap :]
             drawn = np.random.SeedSequence([seed, number, part]).generate_state(1)
-            known = np.arange(kept + fresh) < kept
-            found = sample_of(number)(window, known, int(drawn[0]))
-            z = np.concatenate([z, found[kept:]])
+            is_known = np.arange(overlap + fresh) < overlap
+            sampled = sample_of(number)(window, is_known, int(drawn[0]))
+            z = np.concatenate([z, sampled[overlap:]])
     return z
 
 
@@ -270,15 +270,15 @@ def tokens_of(spans: Sequence[Span], seconds: Sequence[float], fps: float) -> li
     Raises:
         InputError: The timeline is too long.
     """
-    given = [
+    lengths = [
         usual if span.seconds is None else span.seconds
         for span, usual in zip(spans, seconds, strict=True)
     ]
-    if sum(given) > LONGEST:
+    if sum(lengths) > LONGEST:
         raise InputError(
-            f"a timeline of {sum(given):g} seconds; expected at most {LONGEST:g}, or a stream"
+            f"a timeline of {sum(lengths):g} seconds; expected at most {LONGEST:g}, or a stream"
         )
-    ends = np.round(np.cumsum(given) * fps / STRIDE).astype(int)
+    ends = np.round(np.cumsum(lengths) * fps / STRIDE).astype(int)
     return np.maximum(np.diff(ends, prepend=0), 1).tolist()
 
 

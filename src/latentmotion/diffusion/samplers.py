@@ -181,9 +181,9 @@ def sampler_named(name: str, schedule: Schedule) -> Sampler:
         InputError: There is none of that name.
     """
     if name not in _SAMPLERS:
-        known = *_SAMPLERS, *plugin_names("latentmotion.samplers")
-        if name not in known:
-            raise InputError(f"unknown sampler {name!r}; known are {', '.join(known)}")
+        names = *_SAMPLERS, *plugin_names("latentmotion.samplers")
+        if name not in names:
+            raise InputError(f"unknown sampler {name!r}; known are {', '.join(names)}")
         return part_named("latentmotion.samplers", name)(schedule)
     if name == "ddpm" and isinstance(schedule, ScaledLinear):
         schedule = replace(schedule, offset=0, ends_clean=True)

@@ -258,10 +258,10 @@ def check_arguments(unknown: Mapping[str, Any], **numbers: Any) -> None:
         InputError: There is an unknown one, or a number is of another kind.
     """
     for name in unknown:
-        known = [*numbers, "prompt", "seconds", "sampler", "goals", "from_clips", "clean_up"]
+        names = [*numbers, "prompt", "seconds", "sampler", "goals", "from_clips", "clean_up"]
         if name in OTHER_NAMES:
             raise InputError(f"unknown argument {name!r}; it is called {OTHER_NAMES[name]!r} here")
-        raise InputError(f"unknown argument {name!r}; {hint(name, known)}")
+        raise InputError(f"unknown argument {name!r}; {hint(name, names)}")
     for name, number in numbers.items():
         if number is None or _is_number(number, whole=name != "guidance"):
             continue

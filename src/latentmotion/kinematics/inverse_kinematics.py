@@ -332,8 +332,8 @@ class _Solver:
         hips = [j for j, name in enumerate(self.skeleton.names) if name.endswith("_hip")]
         up = self.joints[:, :, [joint]] - self.joints[:, :, hips].mean(axis=2, keepdims=True)
         across = self.joints[:, :, sides] - self.joints[:, :, sides].mean(axis=2, keepdims=True)
-        seen, rest = unit(np.concatenate([across, up], axis=2)), [*self.rest[0, sides], (0, 1, 0)]
-        return alike, np.swapaxes(seen, -1, -2) @ np.array(rest)
+        axes, rest = unit(np.concatenate([across, up], axis=2)), [*self.rest[0, sides], (0, 1, 0)]
+        return alike, np.swapaxes(axes, -1, -2) @ np.array(rest)
 
     def _levels(self) -> list[list[int]]:
         """Returns the joints that are no branches, parents first; all limbs turn together."""

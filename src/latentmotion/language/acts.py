@@ -84,31 +84,31 @@ def _act(row: Mapping[str, Any]) -> ActWords:
 @cache
 def _verbs() -> Mapping[str, tuple[ActWords, str, str]]:
     """Returns act, form and base form by the forms of single words."""
-    found: dict[str, tuple[ActWords, str, str]] = {}
+    table: dict[str, tuple[ActWords, str, str]] = {}
     for act in acts():
         for base in dict.fromkeys((*act.words, *act.nouns, *act.things)):
             for form, name in forms(base).items():
                 if base not in act.words:
                     name = {"base": "noun", "third": "nouns"}.get(name, "")
                 if name:
-                    found.setdefault(form, (act, name, base))
-    return found
+                    table.setdefault(form, (act, name, base))
+    return table
 
 
 @cache
 def _phrases() -> Mapping[str, tuple[tuple[ActWords, str], ...]]:
     """Returns acts with a phrase, by the words that it may begin with."""
-    found: dict[str, list[tuple[ActWords, str]]] = defaultdict(list)
+    table: dict[str, list[tuple[ActWords, str]]] = defaultdict(list)
     for act in acts():
         for phrase in act.phrases:
             for word in beginnings(phrase):
-                found[word].append((act, phrase))
-    return {word: tuple(rows) for word, rows in found.items()}
+                table[word].append((act, phrase))
+    return {word: tuple(rows) for word, rows in table.items()}
 
 
 def mentions(tokens: Sequence[Token]) -> list[Mention]:
     """Returns where acts are named, in order; where two begin at one word the longer one."""
-    found: list[Mention] = []
+    mentioned: list[Mention] = []
     at = 0
     while at < len(tokens):
         here: list[Mention] = []
@@ -120,17 +120,17 @@ def mentions(tokens: Sequence[Token]) -> list[Mention]:
             act, form, base = _verbs()[tokens[at].text]
             here.append(Mention(act, at, at + 1, form, base))
         here = [
-            one
-            for one in here
-            if not any(match(word, tokens, one.end) is not None for word in one.act.unless)
+            mention
+            for mention in here
+            if not any(match(word, tokens, mention.end) is not None for word in mention.act.unless)
         ]
         best = max(here, key=lambda one: one.end, default=None)
         if best is None:
             at += 1
             continue
-        found.append(best)
+        mentioned.append(best)
         at = best.end
-    return [one for one in found if one.act.kind]
+    return [mention for mention in mentioned if mention.act.kind]
 
 
 Tokens = Sequence[Token]
@@ -138,15 +138,13 @@ Tokens = Sequence[Token]
 
 def acts_in(tokens: Tokens) -> list[Mention]:
     """Returns where acts are named that the person does."""
-    found: list[Mention] = []
+    done: list[Mention] = []
     for mention in mentions(tokens):
         # "on the spot" is said of gaits and jumps; of a turn it says nothing.
-        spare = mention.act.kind == "place" and (
-            not found or found[-1].act.kind not in kinds("way")
-        )
+        spare = mention.act.kind == "place" and (not done or done[-1].act.kind not in kinds("way"))
         if not spare and _is_done(mention, tokens):
-            found.append(mention)
-    return found
+            done.append(mention)
+    return done
 
 
 def clause_before(tokens: Tokens) -> Tokens:

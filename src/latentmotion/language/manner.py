@@ -183,8 +183,8 @@ def count_of(mention: Mention, before: Tokens, after: Tokens, implied: bool) -> 
                 single = token.text in ("one", "single") and not times
                 named = any(word.startswith(tuple(listed("counted"))) for word in rest[:3])
                 close = token.start - tokens[0].start < _HEAD
-                own = not any(map(is_plural, rest)) and (implied or not single)
-                if times or (own if ahead else named and close and not single):
+                belongs = not any(map(is_plural, rest)) and (implied or not single)
+                if times or (belongs if ahead else named and close and not single):
                     return token.number
     doubles = data("words.toml")["adjectives"]
     return next((doubles[token.text] for token in reversed(before) if token.text in doubles), 0.0)

@@ -22,11 +22,11 @@ def affirmed(sentence: str) -> str:
     given such a clause. Where nothing is left to do, the person stands.
     """
     tokens = tokens_of(sentence)
-    kept = without_negated(tokens)
-    if len(kept) == len(tokens):
+    remaining = without_negated(tokens)
+    if len(remaining) == len(tokens):
         return sentence
     said: list[Token] = []
-    for token in kept:
+    for token in remaining:
         idle = is_idle(said) or (said[-1].text in STOPS and token.text in STOPS)
         if not (idle and _joins(token)):  # "a man who does not kneel and bows" → "a man who bows"
             said.append(token)
@@ -57,17 +57,17 @@ def is_idle(clause: Sequence[Token]) -> bool:
 
 def without_negated(tokens: Sequence[Token]) -> list[Token]:
     """Leaves out the negated clauses of a sentence."""
-    kept: list[Token] = []
+    remaining: list[Token] = []
     at = 0
     while at < len(tokens):
         if not _negates(tokens, at):
-            kept.append(tokens[at])
+            remaining.append(tokens[at])
             at += 1
             continue
-        while kept and kept[-1].text in listed("modal") | {"or", "to"}:
-            kept.pop()
+        while remaining and remaining[-1].text in listed("modal") | {"or", "to"}:
+            remaining.pop()
         at = _end(tokens, at)
-    return kept
+    return remaining
 
 
 def _negates(tokens: Sequence[Token], at: int) -> bool:

@@ -77,10 +77,10 @@ def claims_of(caption: str) -> tuple[Claim, ...]:
     Args:
         caption: A sentence about a motion.
     """
-    told = _claims(without_negated(tokens_of(caption)), implied=False)
+    pairs = _claims(without_negated(tokens_of(caption)), implied=False)
     return tuple(
         replace(claim, kind=mention.act.caption) if claim.kind == mention.act.kind else claim
-        for claim, mention in told
+        for claim, mention in pairs
         if mention.act.caption
     )
 
@@ -160,7 +160,7 @@ def _claims(tokens: list[Token], implied: bool) -> list[Told]:
             after = after[:cut]
         verb = tokens[mention.start : mention.end]
         claim = _claim(mention, clause_before(gap), verb, after, implied)
-        if any(one.act.kind == "place" and mention.end <= one.start < end for one in named):
+        if any(place.act.kind == "place" and mention.end <= place.start < end for place in named):
             claim = replace(claim, direction="place") if claim.kind in kinds("way") else claim
         follows = any(token.text in listed("then") or token.text in ".;" for token in gap)
         if not (claim.kind == "circle" and claims and claims[-1][0].kind == "arm_circle"):
@@ -271,7 +271,9 @@ def _count(counted: Claim, claims: tuple[Claim, ...], prompt: str) -> Count | No
     others = [claim for claim in claims if claim is not counted and claim.kind in alike]
     if kind == "move":  # "walks four steps" claims both
         directions = ("", counted.direction)
-        others = [one for one in others if one.kind != "walk" or one.direction not in directions]
+        others = [
+            other for other in others if other.kind != "walk" or other.direction not in directions
+        ]
         others += [claim for claim in claims if claim.then]
     if kind not in kinds("exact") or others:
         return None

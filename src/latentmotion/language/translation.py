@@ -69,15 +69,15 @@ def _table() -> dict[str, _Entries]:
     """Returns entries with their role and English, by language and first letter, longest first."""
     text = files("latentmotion.language").joinpath("languages.tsv").read_text(encoding="utf-8")
     header, *rows = [line.split("\t") for line in text.splitlines()]
-    found: dict[str, _Entries] = {language: {} for language in header[2:]}
+    tables: dict[str, _Entries] = {language: {} for language in header[2:]}
     for english, role, *cells in rows:
-        for entries, cell in zip(found.values(), cells, strict=True):
+        for entries, cell in zip(tables.values(), cells, strict=True):
             for entry in filter(None, cell.split("|")):
                 entries.setdefault(entry[0], []).append((entry, role, english))
-    for entries in found.values():
+    for entries in tables.values():
         for same in entries.values():
             same.sort(key=lambda entry: len(entry[0]), reverse=True)
-    return found
+    return tables
 
 
 def in_english(sentence: str) -> Translation | None:
@@ -165,6 +165,6 @@ def _clauses(pieces: list[_Piece], verb_last: bool) -> list[str]:
         act, part = group["act"], group.get("object", "")
         if part and act not in _TAKES_OBJECT:
             part = f"with {part}"
-        told = (act, part, group.get("way"), group.get("manner"), group.get("count"))
-        clauses.append(" ".join(word for word in told if word))
+        words = (act, part, group.get("way"), group.get("manner"), group.get("count"))
+        clauses.append(" ".join(word for word in words if word))
     return clauses

@@ -38,7 +38,7 @@ def raises_of(signals: Signals) -> list[Event]:
                 joint.append(Event("raise", start, end, BOTH, lower.direction, lower.amount))
                 used |= {id(left), id(right)}
                 break
-    return joint + [one for side in SIDES for one in raises[side] if id(one) not in used]
+    return joint + [event for side in SIDES for event in raises[side] if id(event) not in used]
 
 
 def waves_of(signals: Signals) -> list[Event]:
@@ -105,8 +105,8 @@ def arm_circles_of(signals: Signals) -> list[Event]:
             angle = np.unwrap(np.arctan2(away[:, 1], away[:, horizontal]))
             for start, end in spans(closed_gaps(stretched & (radius > 0.2), 5), 8):
                 total = np.degrees(angle[end - 1] - angle[start])
-                known = any(circle.start < end and start < circle.end for circle in of_side)
-                if abs(total) >= 290 and not known and radius[start:end].mean() > 0.3:
+                counted = any(circle.start < end and start < circle.end for circle in of_side)
+                if abs(total) >= 290 and not counted and radius[start:end].mean() > 0.3:
                     direction = positive if total > 0 else negative
                     count = max(1, round(abs(total) / 360))
                     # An arm that hangs before and after is stretched as well.

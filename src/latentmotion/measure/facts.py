@@ -113,22 +113,22 @@ class Description:
 
     def share(self, kind: str, direction: str = "") -> float:
         """Returns the share of the motion, 0 to 1, that moves or postures of a kind take."""
-        found = self.find(kind, direction=direction)
-        return min(sum(event.frames for event in found) / max(self.frames, 1), 1.0)
+        matching = self.find(kind, direction=direction)
+        return min(sum(event.frames for event in matching) / max(self.frames, 1), 1.0)
 
 
 def among(
     events: Iterable[Event], kind: str, side: str = "", direction: str = ""
 ) -> tuple[Event, ...]:
     """Returns the events of a kind, by start; with a side, those of that side or both."""
-    found = (
+    matching = (
         event
         for event in events
         if event.kind == kind
         and (not side or event.side in (side, BOTH))
         and (not direction or event.direction == direction)
     )
-    return tuple(sorted(found, key=lambda event: event.start))
+    return tuple(sorted(matching, key=lambda event: event.start))
 
 
 @dataclass(frozen=True)

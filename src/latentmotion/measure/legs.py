@@ -78,9 +78,9 @@ def running_of(flights: list[Flight], signals: Signals) -> Float[np.ndarray, " f
     bounce = _most(bob, 8) + _most(-bob, 8)
     gait = (bounce > 0.07) & (smooth(both, 6.0) < 0.2) & (_most(heel, 8) > 0.25)
     running = ((gait & (signals.speed > 1.0)) | (signals.speed > 2.3)).astype(np.float64)
-    for one, two in pairwise([flight for flight in flights if _is_stride(flight)]):
-        if two.start - one.end < 0.4 * FPS and one.leaves != two.leaves:
-            running[one.start : two.end] = 1
+    for first, two in pairwise([flight for flight in flights if _is_stride(flight)]):
+        if two.start - first.end < 0.4 * FPS and first.leaves != two.leaves:
+            running[first.start : two.end] = 1
     return running
 
 

@@ -89,7 +89,7 @@ def _of_sides(
     side: str, curve: Callable[[str], Float[np.ndarray, " frames"]]
 ) -> list[Float[np.ndarray, " frames"]]:
     """Returns the curve of a side, or those of both."""
-    return [curve(one) for one in (SIDES if side in ("", BOTH) else (side,))]
+    return [curve(each) for each in (SIDES if side in ("", BOTH) else (side,))]
 
 
 def _hand(signals: Signals, side: str) -> Float[np.ndarray, " frames"]:
@@ -99,15 +99,17 @@ def _hand(signals: Signals, side: str) -> Float[np.ndarray, " frames"]:
 COUNTED: Mapping[str, Callable[[Signals], list[Event]]] = MappingProxyType(
     {
         "jump": lambda signals: jumps(_airborne(signals)),
-        "hop": lambda signals: [one for one in _airborne(signals) if one.kind == "hop"],
+        "hop": lambda signals: [event for event in _airborne(signals) if event.kind == "hop"],
         "kick": legs.kicks_of,
         "knee": lambda signals: legs.knees_of(signals, legs.kicks_of(signals)),
         "step": lambda signals: [Event("step", *frames) for frames in legs.strides_of(signals)],
         "punch": arms.punches_of,
         "raise": arms.raises_of,
-        "squat": lambda signals: [one for one in _dips(signals)[0] if one.kind == "squat"],
+        "squat": lambda signals: [event for event in _dips(signals)[0] if event.kind == "squat"],
         "bow": lambda signals: bends(*_dips(signals)),
-        "jack": lambda signals: [one for one in whole_body.poses_of(signals) if one.kind == "jack"],
+        "jack": lambda signals: [
+            event for event in whole_body.poses_of(signals) if event.kind == "jack"
+        ],
     }
 )
 """Acts whose repetitions can be counted, and what finds them."""
@@ -132,7 +134,7 @@ _CURVES: Mapping[str, Callable[[Signals, str], list[Float[np.ndarray, " frames"]
             "raise": lambda signals, side: _of_sides(side, lambda one: _hand(signals, one)),
             "squat": lambda signals, _: [-signals.joints[:, 0, 1]],
             "bow": lambda signals, _: [signals.lean],
-            "jack": lambda signals, _: [np.minimum(*(_hand(signals, one) for one in SIDES))],
+            "jack": lambda signals, _: [np.minimum(*(_hand(signals, side) for side in SIDES))],
         }
     )
 )

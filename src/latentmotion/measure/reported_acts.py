@@ -53,7 +53,7 @@ class ReportedAct:
 def acts_of(description: Description) -> tuple[ReportedAct, ...]:
     """Returns the acts of a motion that are worth reporting, in order."""
     fast = any(move.kind in ("jog", "run") for move in description.moves)
-    kept = []
+    reported = []
     for event in description.events:
         small = event.kind == "raise" and (event.frames < 6 or (event.amount < 0.12 and fast))
         brief = event.kind == "balance" and event.seconds < 2
@@ -63,8 +63,8 @@ def acts_of(description: Description) -> tuple[ReportedAct, ...]:
             for parts, others, gap in _SIDE_EFFECTS
         )
         if not small and not brief and not hidden:
-            kept.append(event)
-    events = _alternating(_grouped(kept))
+            reported.append(event)
+    events = _alternating(_grouped(reported))
     moves = _reported_moves(description, events)
     acts = _moves_and_turns(description, events, moves)
     for event in events:  # acts of the hands may happen during a move
@@ -132,7 +132,7 @@ def _alternating(events: list[Event]) -> list[Event]:
             run.append(event)
             continue
         if len(run) >= 3 and run[0].kind in ("kick", "knee", "punch"):
-            count, end = sum(one.count for one in run), max(one.end for one in run)
+            count, end = sum(repeat.count for repeat in run), max(one.end for one in run)
             joined.append(replace(run[0], end=end, side=BOTH, direction="", count=count))
         else:
             joined += run

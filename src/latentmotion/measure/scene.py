@@ -108,8 +108,8 @@ class Measured(Description):
     @cached_property
     def events(self) -> tuple[Event, ...]:
         """All that is neither a move nor a turn nor a posture, by start."""
-        found = (event for source, _ in _SOURCES[3:] for event in getattr(self, source))
-        return tuple(sorted(found, key=_order))
+        events = (event for source, _ in _SOURCES[3:] for event in getattr(self, source))
+        return tuple(sorted(events, key=_order))
 
     @cached_property
     def path(self) -> Path:

@@ -223,8 +223,8 @@ def smooth(curve: Float[np.ndarray, "*all"], sigma: float) -> Float[np.ndarray, 
 
 def bend(signals: Signals, first: str, middle: str, last: str) -> Float[np.ndarray, " frames"]:
     """Returns the angle at the middle of three joints, degrees; 180 is stretched."""
-    one, two, three = (signals.joints[:, JOINT[name]] for name in (first, middle, last))
-    a, b = one - two, three - two
+    start, two, three = (signals.joints[:, JOINT[name]] for name in (first, middle, last))
+    a, b = start - two, three - two
     length = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1) + 1e-9
     return np.degrees(np.arccos(np.clip((a * b).sum(axis=1) / length, -1, 1)))
 
@@ -250,6 +250,6 @@ def _heading(joints: Float[np.ndarray, "frames 22 3"]) -> Float[np.ndarray, " fr
     heading = np.arctan2(across[:, 2], -across[:, 0])
     if not level.any():
         return np.unwrap(heading)
-    known = np.flatnonzero(level)
-    heading = np.interp(np.arange(len(joints)), known, np.unwrap(heading[known]))
+    upright = np.flatnonzero(level)
+    heading = np.interp(np.arange(len(joints)), upright, np.unwrap(heading[upright]))
     return smooth(heading, 2.0)

@@ -122,7 +122,7 @@ def check_claim(
 def events_for(kind: str, description: Description) -> tuple[Event, ...]:
     """Returns events, postures and turns that a claim of a kind may mean, by start."""
     events = [
-        event for one in related("similar").get(kind, (kind,)) for event in description.find(one)
+        event for name in related("similar").get(kind, (kind,)) for event in description.find(name)
     ]
     return tuple(sorted(events, key=lambda event: event.start))
 

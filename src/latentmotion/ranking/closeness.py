@@ -77,16 +77,16 @@ def _turn(claim: Claim, scene: Scene, request: Request) -> float:
     degrees *= max(claim.count, 1)
     turns = [other for other in request.claims if other.kind in ("turn", "circle")]
     alone = len(turns) == 1
-    made = scene.facts.path.turned
+    turned = scene.facts.path.turned
     if not alone:  # each is the largest turn to its side
         sides = [t.amount if t.side == LEFT else -t.amount for t in scene.facts.turns]
         fitting = [a for a in sides if not claim.side or (a > 0) == (claim.side == LEFT)]
-        made = max(fitting, key=abs, default=0.0)
-    made = abs(made) if not claim.side else made if claim.side == LEFT else -made
-    error = abs(made - degrees)
+        turned = max(fitting, key=abs, default=0.0)
+    turned = abs(turned) if not claim.side else turned if claim.side == LEFT else -turned
+    error = abs(turned - degrees)
     if not claim.degrees:  # a turn that says no degrees may be smaller or larger
-        error = max(error - 0.35 * degrees, 0) if made < degrees or claim.kind == "turn" else 0.0
-    if made > degrees >= 360:
+        error = max(error - 0.35 * degrees, 0) if turned < degrees or claim.kind == "turn" else 0.0
+    if turned > degrees >= 360:
         error *= 0.5
     grade = _ramp(error, 0.45 * degrees + 20, 0.0)
     walked = claim.kind == "circle" or any(other.kind in _GAITS for other in request.claims)
@@ -262,9 +262,9 @@ def _spans(claim: Claim, scene: Scene) -> list[Event]:
 def _follows(first: Claim, second: Claim, scene: Scene) -> float:
     """Returns how surely the second act follows the first, 0 to 1 at half a second and more."""
     leads = []
-    for one in _spans(first, scene):
+    for before in _spans(first, scene):
         for two in _spans(second, scene):
-            begins, ends = two.start - one.start, two.end - one.end
+            begins, ends = two.start - before.start, two.end - before.end
             lead = begins if first.kind in kinds("lasting") else ends
             lead = (
                 min(begins, ends) if not {first.kind, second.kind} & set(kinds("lasting")) else lead

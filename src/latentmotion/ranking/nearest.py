@@ -66,11 +66,11 @@ class TrainingVectors:
         """
         recordings = np.array([clip.origin.partition("[")[0] for clip in self.clips])
         sample = np.random.default_rng(0).permutation(len(self.clips))[:500]
-        found = []
+        nearest = []
         for row in sample:
             others = recordings != recordings[row]
-            found.append(float((self.vectors[others] @ self.vectors[row]).max(initial=-1.0)))
-        return float(np.mean(np.array(found) >= similarity)) if found else 0.0
+            nearest.append(float((self.vectors[others] @ self.vectors[row]).max(initial=-1.0)))
+        return float(np.mean(np.array(nearest) >= similarity)) if nearest else 0.0
 
     def write(self, path: Path) -> None:
         """Writes the vectors, 8 bits a number.
@@ -134,10 +134,10 @@ def training_vectors(data: Dataset, scorer: Scorer, mirrored: bool = True) -> Tr
     ]
     if not clips:
         raise DataError(f"{data.folder} has no recorded clip in its train split")
-    known = tuple(KnownClip(clip.id, clip.source, clip.origin) for clip in clips)
+    names = tuple(KnownClip(clip.id, clip.source, clip.origin) for clip in clips)
     starts = range(0, len(clips), 256)
     rows = [scorer.embed([data.features(c) for c in clips[n : n + 256]]) for n in starts]
-    return TrainingVectors(known, np.concatenate(rows))
+    return TrainingVectors(names, np.concatenate(rows))
 
 
 def nearest_clips(
@@ -150,7 +150,7 @@ def nearest_clips(
     """
     features = scorer.features_of(motion)
     sides = scorer.embed([features, scorer.representation.mirror(features)])
-    found = [
+    neighbors = [
         (cosine, mirrored, clip)
         for mirrored, vector in zip((False, True), sides, strict=True)
         for clip, cosine in training.nearest(vector, count)
@@ -163,5 +163,5 @@ def nearest_clips(
             "origin": clip.origin,
             "similarity": round(cosine, 4),
         }
-        for cosine, mirrored, clip in sorted(found, key=lambda one: -one[0])[:count]
+        for cosine, mirrored, clip in sorted(neighbors, key=lambda one: -one[0])[:count]
     ]

@@ -116,33 +116,33 @@ class MotionIndex:
         if not Path(folder).is_dir():
             raise InputError(f"{folder} is no folder; expected one of motion files")
         endings = formats.readable()
-        found = files_below(Path(folder), endings)
+        candidates = files_below(Path(folder), endings)
         paths = [
             path
-            for path in found
+            for path in candidates
             if not any(part.startswith(".") for part in path.relative_to(folder).parts)
         ]
         if not paths:
             raise InputError(f"{folder} has no motion file: {' '.join(endings)}")
-        known = _read(cache, scorer) if cache else {}
+        cached = _read(cache, scorer) if cache else {}
         files: dict[Path, IndexedFile] = {}
         for path in counted(paths, "indexing"):
             about = path.stat()
-            old = known.get(path.resolve())
+            old = cached.get(path.resolve())
             if old and (old.size, old.changed) == (about.st_size, about.st_mtime_ns):
                 files[path] = old
                 continue
             files[path] = _indexed(path, about.st_size, about.st_mtime_ns, scorer)
         # Other folders of the same cache file stay known.
-        together = {**known, **{path.resolve(): one for path, one in files.items()}}
-        if cache and any(known.get(path) is not one for path, one in together.items()):
+        together = {**cached, **{path.resolve(): file for path, file in files.items()}}
+        if cache and any(cached.get(path) is not file for path, file in together.items()):
             _write(cache, together, scorer)
         return cls(scorer, files)
 
     @property
     def problems(self) -> dict[Path, str]:
         """Files that cannot be read, and why."""
-        return {path: one.problem for path, one in self.files.items() if one.problem}
+        return {path: file.problem for path, file in self.files.items() if file.problem}
 
     def search(self, sentence: str, count: int = 10) -> list[Hit]:
         """Returns the windows nearest to a sentence, the best first.
@@ -169,8 +169,8 @@ class MotionIndex:
             raise InputError(f"{count} results: expected 1 or more")
         hits = [
             Hit(Window(path, *span), score)
-            for path, one in self.files.items()
-            for span, score in zip(one.spans, (one.vectors @ vector).tolist(), strict=True)
+            for path, file in self.files.items()
+            for span, score in zip(file.spans, (file.vectors @ vector).tolist(), strict=True)
         ]
         chosen: list[Hit] = []
         for hit in sorted(hits, key=lambda hit: -hit.score):
@@ -255,10 +255,11 @@ def _read(path: Path, scorer: Scorer) -> dict[Path, IndexedFile]:
 
 def _write(path: Path, files: dict[Path, IndexedFile], scorer: Scorer) -> None:
     rows = [
-        [str(name), one.size, one.changed, one.spans, one.problem] for name, one in files.items()
+        [str(name), file.size, file.changed, file.spans, file.problem]
+        for name, file in files.items()
     ]
     empty = np.zeros((0, scorer.card.width), np.float32)
-    vectors: Sequence[np.ndarray] = [empty, *(one.vectors for one in files.values())]
+    vectors: Sequence[np.ndarray] = [empty, *(file.vectors for file in files.values())]
     metadata = {"format": _FORMAT, "scorer": scorer.card.fingerprint, "files": json.dumps(rows)}
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(path) as temporary:

@@ -149,8 +149,11 @@ class ClipIndex:
         if not (rows_fit and named and clips_fit):
             raise InputError("clips and captions of an index do not fit its arrays")
         for caption in self.captions:
-            known = 0 <= caption.clip < len(self.clips)
-            if not known or not 0 <= caption.start < caption.end <= self.clips[caption.clip].tokens:
+            has_clip = 0 <= caption.clip < len(self.clips)
+            if (
+                not has_clip
+                or not 0 <= caption.start < caption.end <= self.clips[caption.clip].tokens
+            ):
                 raise InputError(f"caption {caption.text[:80]!r} of an index lies outside its clip")
 
     @cached_property
@@ -216,7 +219,7 @@ class ClipIndex:
 
     def preferred(self, support: int = SHOWN) -> ClipIndex:
         """Returns the index as shown or drawn: of captions near a sentence its nearest decides."""
-        captions = tuple(replace(one, support=support) for one in self.captions)
+        captions = tuple(replace(caption, support=support) for caption in self.captions)
         return replace(self, captions=captions)
 
     def latents_of(self, caption: IndexedCaption) -> Float[np.ndarray, "tokens width"]:
@@ -228,7 +231,7 @@ class ClipIndex:
     def about(self, neighbor: Neighbor) -> dict[str, Any]:
         """Returns which clip a caption tells of, its owner and terms, as JSON can hold them."""
         caption, clip = neighbor.caption, self.clips[neighbor.caption.clip]
-        source = next(one for one in self.sources if one.name == clip.source)
+        source = next(candidate for candidate in self.sources if candidate.name == clip.source)
         return {
             "clip": clip.id,
             "origin": clip.origin,
@@ -268,24 +271,24 @@ class ClipIndex:
         directions = self.directions if self.directions.size else other.directions
         mine, theirs = self.along(directions), other.along(directions)
         first_caption = len(self.captions)
-        known = {source.name: source for source in self.sources}
+        by_name = {source.name: source for source in self.sources}
         renamed = {
             source.name: source.name
-            if known.get(source.name, source) == source
+            if by_name.get(source.name, source) == source
             else f"{source.name} (2)"
             for source in other.sources
         }
-        sources = [replace(one, name=renamed[one.name]) for one in other.sources]
+        sources = [replace(source, name=renamed[source.name]) for source in other.sources]
         shift, first = len(self.clips), len(self.latents)
         scale = np.maximum(self.latent_scale, other.latent_scale)
         latents = [
-            np.round(one.latents * (one.latent_scale / scale)).astype(np.int8)
-            for one in (self, other)
+            np.round(index.latents * (index.latent_scale / scale)).astype(np.int8)
+            for index in (self, other)
         ]
         return ClipIndex(
             self.text_encoder,
             self.latent_space,
-            (*self.sources, *(one for one in sources if one not in self.sources)),
+            (*self.sources, *(source for source in sources if source not in self.sources)),
             (
                 *self.clips,
                 *(
@@ -421,10 +424,14 @@ def joined(moves: Sequence[Path | ClipIndex], latent_space: str, text_encoder: s
         ModelError: A file is damaged, or an index was made for another model.
     """
     together: ClipIndex | None = None
-    for one in moves:
-        index = one if isinstance(one, ClipIndex) else _read_once(one, one.stat().st_mtime_ns)
+    for source in moves:
+        index = (
+            source
+            if isinstance(source, ClipIndex)
+            else _read_once(source, source.stat().st_mtime_ns)
+        )
         if (index.latent_space, index.text_encoder) != (latent_space, text_encoder):
-            name = one if isinstance(one, Path) else "an index"
+            name = source if isinstance(source, Path) else "an index"
             raise ModelError(f"{name} was made for another model; teach its clips to this one")
         together = together.joined(index) if together else index
     assert together is not None

@@ -141,8 +141,8 @@ class ClipStarts:
         whole = self._choice(reading.prompt) if len(parts) > 1 else parts[0]
         # A caption that tells of all movements in a row is nearer than captions of each; one that
         # is also the nearest to a single movement tells of that alone.
-        told = {part.neighbors[0].caption.text for part in parts}
-        alone = len(told) > 1 and whole.neighbors[0].caption.text in told
+        texts = {part.neighbors[0].caption.text for part in parts}
+        alone = len(texts) > 1 and whole.neighbors[0].caption.text in texts
         if whole.cosine >= min(part.cosine for part in parts) and not alone:
             parts = [whole]
         support = min(part.support for part in parts)

@@ -99,10 +99,10 @@ def build_index(
         raise InputError("no clip with a sentence to teach; give at least one of each")
     texts = list(dict.fromkeys(caption.text for caption, _ in rows))
     embeddings, number = embedded(texts, text_encoder), {text: n for n, text in enumerate(texts)}
-    own: list[list[int]] = [[] for _ in indexed]
+    numbers_of_clip: list[list[int]] = [[] for _ in indexed]
     for caption, clip in rows:
-        own[clip].append(number[caption.text])
-    counts = support(embeddings, embeddings, own)
+        numbers_of_clip[clip].append(number[caption.text])
+    counts = support(embeddings, embeddings, numbers_of_clip)
     captions = tuple(
         IndexedCaption(
             caption.text,
@@ -115,7 +115,7 @@ def build_index(
     )
     words = Counter(
         word
-        for rows_of_clip in own
+        for rows_of_clip in numbers_of_clip
         for word in {word for row in rows_of_clip for word in words_of(texts[row])}
     )
     codes, scale = quantized(np.concatenate(latents), 0, LATENT_LEVELS)
@@ -174,8 +174,8 @@ def support(
     """
     if not clips:
         return np.zeros(len(sentences), np.int64)
-    rows = np.concatenate([np.asarray(own, np.int64) for own in clips])
-    starts = np.cumsum([0, *(len(own) for own in clips[:-1])])
+    rows = np.concatenate([np.asarray(numbers, np.int64) for numbers in clips])
+    starts = np.cumsum([0, *(len(numbers) for numbers in clips[:-1])])
     counts = []
     for first in range(0, len(sentences), _AT_ONCE):
         close = sentences[first : first + _AT_ONCE] @ captions.T >= near
@@ -211,21 +211,21 @@ def thinned(index: ClipIndex) -> ClipIndex:
         own = rare[caption.clip]
         if not own or float((vectors[own] @ vectors[row]).max()) < SAME_OF_CLIP:
             own.append(row)
-    kept = sorted(
+    numbers = sorted(
         [*(row for rows in rare.values() for row in rows), *_spread(vectors, [*frequent.values()])]
     )
-    return _with_rows(index, kept)
+    return _with_rows(index, numbers)
 
 
 def _spread(vectors: np.ndarray, rows: list[int]) -> list[int]:
     """Returns rows none of which is near another, such that each of `rows` is near one."""
     far = np.empty((len(rows), vectors.shape[1]), np.float32)
-    kept: list[int] = []
+    spread: list[int] = []
     for row in rows:
-        if not kept or float((far[: len(kept)] @ vectors[row]).max()) < SAME_OF_ALL:
-            far[len(kept)] = vectors[row]
-            kept.append(row)
-    return kept
+        if not spread or float((far[: len(spread)] @ vectors[row]).max()) < SAME_OF_ALL:
+            far[len(spread)] = vectors[row]
+            spread.append(row)
+    return spread
 
 
 def _with_rows(index: ClipIndex, rows: list[int]) -> ClipIndex:

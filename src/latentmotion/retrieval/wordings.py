@@ -113,8 +113,8 @@ def with_wordings(
     nearest, same = said.argmax(axis=1), said.max(axis=1) >= SAME
     rows = [
         (wording, int(caption))
-        for texts, caption, kept in zip(wordings.values(), nearest, same, strict=True)
-        if kept
+        for texts, caption, alike in zip(wordings.values(), nearest, same, strict=True)
+        if alike
         for wording in texts
     ]
     if not rows:

@@ -100,8 +100,8 @@ class Robot:
         for number, link in enumerate(self.links):
             words = [word.lower() for word in _WORD.findall(link.hinge)]
             side = next((SIDES[word] for word in words if word in SIDES), "")
-            for part, known in PARTS.items():
-                if set(words) & set(known):
+            for part, synonyms in PARTS.items():
+                if set(words) & set(synonyms):
                     parts.setdefault(f"{side}_{part}" if side else part, []).append(number)
                     break
         needed = [f"{s}_{p}" for s in ("left", "right") for p in tuple(PARTS)[:5]]
@@ -111,7 +111,7 @@ class Robot:
                 f"{self.name}: no hinge is named as {', '.join(missing)}; expected names such as "
                 f"left_knee_joint. Hinges found: {', '.join(self.hinges[:40]) or 'none'}"
             )
-        object.__setattr__(self, "parts", {name: tuple(found) for name, found in parts.items()})
+        object.__setattr__(self, "parts", {name: tuple(numbers) for name, numbers in parts.items()})
 
     @property
     def moving(self) -> tuple[int, ...]:
@@ -130,11 +130,11 @@ class Robot:
 
     def line(self, link: int) -> tuple[int, ...]:
         """Returns a link and those above it, upward."""
-        found = []
+        above = []
         while link >= 0:
-            found.append(link)
+            above.append(link)
             link = self.links[link].parent
-        return tuple(found)
+        return tuple(above)
 
 
 def read_robot(path: str | Path) -> Robot:
@@ -196,7 +196,7 @@ class _Mujoco:
         self.sections: dict[str, list[ET.Element]] = {}
         self._collect(root, source, 0)
         compiler = [c.attrib for c in self.sections.get("compiler", [])]
-        options = {key: value for one in compiler for key, value in one.items()}
+        options = {key: value for attributes in compiler for key, value in attributes.items()}
         self.degrees = options.get("angle", "degree") == "degree"
         self.sequence = options.get("eulerseq", "xyz")
         self.meshes = source.parent / options.get("meshdir", options.get("assetdir", ""))
@@ -368,7 +368,9 @@ def _urdf(root: ET.Element, source: Path) -> Iterator[Link]:
             parent, offset, rotation, shapes=points,
             center=center, **turns,
         )  # fmt: skip
-        after = [(_attribute(one, "child", "link"), number, one) for one in below.get(name, [])]
+        after = [
+            (_attribute(child, "child", "link"), number, child) for child in below.get(name, [])
+        ]
         queue = after + queue  # depth first, as MuJoCo orders hinges
         number += 1
         if number > _MOST_LINKS:

@@ -160,15 +160,15 @@ class _Body:
         wrists = {link for side in SIDES for link in parts.get(f"{side}_wrist", ())[:1]}
         below = [n for n in range(len(links)) if feet & set(robot.line(n))]
         # Other links follow these and need not be computed.
-        kept = sorted({link for n in (*active, *wrists, *below) for link in robot.line(n)})
-        self.number = {link: n for n, link in enumerate(kept)}
+        needed = sorted({link for n in (*active, *wrists, *below) for link in robot.line(n)})
+        self.number = {link: n for n, link in enumerate(needed)}
         self.active = np.array([self.number[link] for link in active])
-        lines = [robot.line(link) for link in kept]
+        lines = [robot.line(link) for link in needed]
         self.moves = np.array([[a in line for a in active] for line in lines], float)
         self.levels: list[list[int]] = [[] for _ in range(max(map(len, lines)))]
         for number, line in enumerate(lines):
             self.levels[len(line) - 1].append(number)
-        self.links = [links[link] for link in kept]
+        self.links = [links[link] for link in needed]
         self.parents = np.array([self.number.get(link.parent, -1) for link in self.links])
         self.bases = np.array([link.rotation for link in self.links])
         self.anchors = np.array([link.anchor for link in self.links])
@@ -185,10 +185,10 @@ class _Body:
         parts, self.points = self.robot.parts, dict[str, tuple[int, np.ndarray]]()
         for side in SIDES:
             for part in _JOINTS:
-                found = parts[f"{side}_{part}"]
+                hinges = parts[f"{side}_{part}"]
                 # Hinges of hips and shoulders nearly meet in the middle one.
-                middle = len(found) // 2 if part in ("hip", "shoulder") else 0
-                link = self.number[found[middle]]
+                middle = len(hinges) // 2 if part in ("hip", "shoulder") else 0
+                link = self.number[hinges[middle]]
                 self.points[f"{side}_{part}"] = (link, self.links[link].anchor)
             last = self.number[(*parts[f"{side}_elbow"], *parts.get(f"{side}_wrist", ())[:1])[-1]]
             tip = self.links[last]
@@ -229,8 +229,8 @@ class _Body:
         lowest = np.flatnonzero(world[:, 2] < world[:, 2].min() + _BAND)
         angles = np.arange(_DIRECTIONS) * 2 * np.pi / _DIRECTIONS
         ways = np.stack([np.cos(angles), np.sin(angles), np.full(_DIRECTIONS, -1.0)])
-        kept = lowest[np.unique((world[lowest] @ ways).argmax(axis=0))]
-        return links[kept], local[kept]
+        outline = lowest[np.unique((world[lowest] @ ways).argmax(axis=0))]
+        return links[outline], local[outline]
 
     def forward(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns rotations and positions of all links relative to the root."""
@@ -279,12 +279,12 @@ class _Body:
 
         middle = (at["left_hip"] + at["right_hip"]) / 2
         ankles = [self.hips + scale * inside(at[f"{side}_ankle"] - middle) for side in SIDES]
-        wanted = {
+        targets = {
             (a, b): length * inside(unit(at[b] - at[a])) for (a, b), length in self.length.items()
         }
         ahead, clearance = _feet(at, pelvis[..., 0])
         axes = [inside(chest[..., 0]), inside(chest[..., 1]), *map(inside, ahead)]
-        angles, missed = self._angles(ankles, wanted, axes, turn[..., 2])
+        angles, missed = self._angles(ankles, targets, axes, turn[..., 2])
         rotations = np.swapaxes(turn, -1, -2)
         positions = scale * middle - rotations @ self.hips
         pose = self.forward(angles)
@@ -320,7 +320,9 @@ class _Body:
         compared[-4:, len(names) : len(names) + 4] = _AXIS * np.eye(4)
         wanted_all = [*ankles, *(wanted[pair] for pair in bones), *axes]
         scales = np.abs(compared).max(axis=1)
-        goal = np.stack([scale * one for scale, one in zip(scales, wanted_all, strict=True)], -1)
+        goal = np.stack(
+            [scale * target for scale, target in zip(scales, wanted_all, strict=True)], -1
+        )
         moves = self.moves[links].T[:, None]
         q = np.tile(np.clip(np.zeros(len(self.active)), self.low, self.high), (len(up), 1))
         further = np.where(-self.low > self.high, -_BENT, _BENT)
