@@ -22,14 +22,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
 from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
 from latentmotion.condition.task import SentenceCondition
 from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
-from latentmotion.diffusion.parametrization import Estimator, Noise, ParametrizedDenoiser
+from latentmotion.diffusion.parametrization import (
+    Estimator,
+    Latents,
+    Mask,
+    Noise,
+    ParametrizedDenoiser,
+    Times,
+)
 from latentmotion.diffusion.samplers import (
     Sampler,
     SamplerName,
@@ -783,21 +790,15 @@ class MotionPipeline(PickledByFields):
 
     def _denoise(
         self,
-        z: Float[Any, "batch tokens width"],
-        t: Float[Any, " batch"],
+        z: Latents,
+        t: Times,
         condition: Conditioning,
-        mask: Bool[Any, "batch tokens"],
+        mask: Mask,
         step_condition: StepCondition | None = None,
-    ) -> Float[Any, "batch tokens width"]:
-        words, real = condition.tokens, condition.mask
-        step_inputs = (
-            {"guidance": step_condition.guidance, "step_size": step_condition.step_size}
-            if step_condition
-            else {}
-        )
-        return self.backend.denoiser(
-            z=z, t=t, words=words, words_mask=real, mask=mask, **step_inputs
-        )
+    ) -> Latents:
+        further = vars(step_condition) if step_condition else {}
+        words = {"words": condition.tokens, "words_mask": condition.mask}
+        return self.backend.denoiser(z=z, t=t, **words, mask=mask, **further)
 
     @cached_property
     def _null(self) -> Conditioning:

@@ -29,7 +29,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.parametrization import Estimates, ParametrizedDenoiser
+from latentmotion.diffusion.parametrization import Estimates, Mask, ParametrizedDenoiser
 from latentmotion.errors import InputError
 from latentmotion.representation.canonical import turn
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
@@ -221,13 +221,7 @@ class CorrectedDenoiser:
     correct: Callable[[Float[np.ndarray, "batch tokens width"]], Any]
     """Clean latents to corrected ones."""
 
-    def __call__(
-        self,
-        z: Float[np.ndarray, "batch tokens width"],
-        t: float,
-        condition: Conditioning,
-        mask: Bool[np.ndarray, "batch tokens"],
-    ) -> Estimates:
+    def __call__(self, z: Any, t: float, condition: Conditioning, mask: Mask) -> Estimates:
         """Returns the corrected latents, and the noise that is left."""
         clean = np.asarray(self.correct(self.denoiser(z, t, condition, mask)[0]), z.dtype)
         schedule = self.denoiser.schedule

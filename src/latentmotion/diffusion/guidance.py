@@ -20,11 +20,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from latentmotion.arrays import array_namespace
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.parametrization import Denoiser, ParametrizedDenoiser
+from latentmotion.diffusion.parametrization import (
+    Denoiser,
+    Latents,
+    Mask,
+    ParametrizedDenoiser,
+    Times,
+)
 from latentmotion.diffusion.schedule import StepCondition
 
 GuidanceRule = Literal["classifier_free", "projected"]
@@ -41,16 +47,10 @@ class ClassifierFreeGuidance:
     denoiser: Denoiser
     null: Conditioning
     """No condition, one row."""
-    scale: float | Float[Any, " batch"]
+    scale: float | Times
     """1 follows the condition, more exaggerates it; one for all or one per item."""
 
-    def __call__(
-        self,
-        z: Float[Any, "batch tokens width"],
-        t: Float[Any, " batch"],
-        condition: Conditioning,
-        mask: Bool[Any, "batch tokens"],
-    ) -> Float[Any, "batch tokens width"]:
+    def __call__(self, z: Latents, t: Times, condition: Conditioning, mask: Mask) -> Latents:
         """Returns the guided output."""
         if isinstance(self.scale, (int, float)) and self.scale == 1:
             return self.denoiser(z, t, condition, mask)
@@ -69,18 +69,12 @@ class ProjectedGuidance:
     """The denoiser, with the meaning of its output."""
     null: Conditioning
     """No condition, one row."""
-    scale: float | Float[Any, " batch"]
+    scale: float | Times
     """1 follows the condition, more exaggerates it; one for all or one per item."""
     interval: tuple[float, float] = INTERVAL
     """Least and greatest share of noise, sigma / (alpha + sigma), at which guidance acts."""
 
-    def __call__(
-        self,
-        z: Float[Any, "batch tokens width"],
-        t: Float[Any, " batch"],
-        condition: Conditioning,
-        mask: Bool[Any, "batch tokens"],
-    ) -> Float[Any, "batch tokens width"]:
+    def __call__(self, z: Latents, t: Times, condition: Conditioning, mask: Mask) -> Latents:
         """Returns the guided output."""
         if isinstance(self.scale, (int, float)) and self.scale == 1:
             return self.parametrized.denoiser(z, t, condition, mask)
@@ -103,7 +97,7 @@ def guided(
     rule: GuidanceRule,
     model: ParametrizedDenoiser,
     null: Conditioning,
-    scale: float | Float[Any, " batch"],
+    scale: float | Times,
 ) -> ParametrizedDenoiser:
     """Returns a denoiser with guidance around it.
 
@@ -124,18 +118,12 @@ class DistilledGuidance:
 
     denoiser: Callable[..., Any]
     """A denoiser whose last argument is a `StepCondition`."""
-    scale: float | Float[Any, " batch"]
+    scale: float | Times
     """Scale that is passed to the network; one for all or one per item."""
     steps: int
     """Number of sampling steps."""
 
-    def __call__(
-        self,
-        z: Float[Any, "batch tokens width"],
-        t: Float[Any, " batch"],
-        condition: Conditioning,
-        mask: Bool[Any, "batch tokens"],
-    ) -> Float[Any, "batch tokens width"]:
+    def __call__(self, z: Latents, t: Times, condition: Conditioning, mask: Mask) -> Latents:
         """Returns the output for a step of that size."""
         step_condition = StepCondition(0 * t + self.scale, 0 * t + 1 / self.steps)
         return self.denoiser(z, t, condition, mask, step_condition)
@@ -144,11 +132,11 @@ class DistilledGuidance:
 def _both(
     denoiser: Denoiser,
     null: Conditioning,
-    z: Float[Any, "batch tokens width"],
-    t: Float[Any, " batch"],
+    z: Latents,
+    t: Times,
     condition: Conditioning,
-    mask: Bool[Any, "batch tokens"],
-) -> tuple[Any, Any]:
+    mask: Mask,
+) -> tuple[Latents, Latents]:
     """Returns the outputs without and with the condition, from one pass of twice the batch."""
     xp = array_namespace(z)
     null, condition = align(repeat(null, z.shape[0]), condition)

@@ -17,6 +17,11 @@ from latentmotion.arrays import array_namespace, device
 from latentmotion.condition.interface import Conditioning
 from latentmotion.diffusion.schedule import Schedule, Time
 
+Latents = Float[Any, "batch tokens width"]
+Times = Float[Any, " batch"]
+Mask = Bool[Any, "batch tokens"]
+"""True on real tokens."""
+
 Noise = Callable[[tuple[int, ...]], np.ndarray]
 """Draws standard normal numbers of a shape, float32, always on the CPU and in NumPy."""
 
@@ -31,13 +36,7 @@ Estimate = Callable[[Any, float], Estimates]
 class Denoiser(Protocol):
     """Any network, runtime session or closed form that predicts from noisy latents."""
 
-    def __call__(
-        self,
-        z: Float[Any, "batch tokens width"],
-        t: Float[Any, " batch"],
-        condition: Conditioning,
-        mask: Bool[Any, "batch tokens"],
-    ) -> Float[Any, "batch tokens width"]:
+    def __call__(self, z: Latents, t: Times, condition: Conditioning, mask: Mask) -> Latents:
         """Returns what its `Parametrization` says: noise, clean latents or velocity.
 
         Args:
@@ -49,9 +48,7 @@ class Denoiser(Protocol):
         ...
 
 
-Latents = Float[Any, "batch tokens width"]
-
-Estimator = Callable[[Latents, float, Conditioning, Bool[Any, "batch tokens"]], Estimates]
+Estimator = Callable[[Latents, float, Conditioning, Mask], Estimates]
 """A denoiser with the meaning of its output, as samplers call it at every step: noisy latents, the
 time of all items, their condition, and a mask that is True on real tokens."""
 
@@ -60,9 +57,7 @@ time of all items, their condition, and a mask that is True on real tokens."""
 class Parametrization(Protocol):
     """The meaning of a denoiser's output."""
 
-    def to_x0_eps(
-        self, output: Latents, z: Latents, t: Time, schedule: Schedule
-    ) -> tuple[Latents, Latents]:
+    def to_x0_eps(self, output: Latents, z: Latents, t: Time, schedule: Schedule) -> Estimates:
         """Returns the estimates of (z_0, epsilon) from the network's output at z_t."""
         ...
 
@@ -75,9 +70,7 @@ class Parametrization(Protocol):
 class Epsilon:
     """The noise, as in the paper (eq. 4)."""
 
-    def to_x0_eps(
-        self, output: Latents, z: Latents, t: Time, schedule: Schedule
-    ) -> tuple[Latents, Latents]:
+    def to_x0_eps(self, output: Latents, z: Latents, t: Time, schedule: Schedule) -> Estimates:
         """Returns z_0 = (z_t - sigma epsilon) / alpha, and epsilon itself."""
         alpha, sigma = _columns(schedule.alpha(t)), _columns(schedule.sigma(t))
         return (z - sigma * output) / alpha, output
@@ -91,9 +84,7 @@ class Epsilon:
 class Sample:
     """The clean latents."""
 
-    def to_x0_eps(
-        self, output: Latents, z: Latents, t: Time, schedule: Schedule
-    ) -> tuple[Latents, Latents]:
+    def to_x0_eps(self, output: Latents, z: Latents, t: Time, schedule: Schedule) -> Estimates:
         """Returns z_0 itself, and epsilon = (z_t - alpha z_0) / sigma."""
         alpha, sigma = _columns(schedule.alpha(t)), _columns(schedule.sigma(t))
         return output, (z - alpha * output) / sigma
@@ -111,9 +102,7 @@ class Velocity:
     In both alpha d - sigma c = 1, which makes the way back this short.
     """
 
-    def to_x0_eps(
-        self, output: Latents, z: Latents, t: Time, schedule: Schedule
-    ) -> tuple[Latents, Latents]:
+    def to_x0_eps(self, output: Latents, z: Latents, t: Time, schedule: Schedule) -> Estimates:
         """Returns z_0 = d z_t - sigma v, and epsilon = alpha v - c z_t."""
         alpha, sigma = _columns(schedule.alpha(t)), _columns(schedule.sigma(t))
         c, d = map(_columns, schedule.velocity_coefficients(t))
@@ -136,14 +125,12 @@ class ParametrizedDenoiser:
     schedule: Schedule
     """The noise schedule that it was trained on."""
 
-    def __call__(
-        self, z: Latents, t: float, condition: Conditioning, mask: Bool[Any, "batch tokens"]
-    ) -> tuple[Latents, Latents]:
+    def __call__(self, z: Latents, t: float, condition: Conditioning, mask: Mask) -> Estimates:
         """Returns the estimates of (z_0, epsilon) at one time for all items."""
         times = array_namespace(z).full((z.shape[0],), t, dtype=z.dtype, device=device(z))
         return self.estimates(self.denoiser(z, times, condition, mask), z, t)
 
-    def estimates(self, output: Latents, z: Latents, t: Time) -> tuple[Latents, Latents]:
+    def estimates(self, output: Latents, z: Latents, t: Time) -> Estimates:
         """Returns the estimates of (z_0, epsilon) from the denoiser's output at z_t."""
         return self.parametrization.to_x0_eps(output, z, t, self.schedule)
 

@@ -12,20 +12,25 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace, device
 from latentmotion.condition.interface import Conditioning
-from latentmotion.diffusion.parametrization import Estimate, Estimates, Estimator, Noise
+from latentmotion.diffusion.parametrization import (
+    Estimate,
+    Estimates,
+    Estimator,
+    Latents,
+    Mask,
+    Noise,
+)
 from latentmotion.diffusion.schedule import ScaledLinear, Schedule
 from latentmotion.errors import InputError
 from latentmotion.plugins import plugin_names
 from latentmotion.storage.parts import part_named
-
-Latents = Float[Any, "batch tokens width"]
 
 SamplerName = Literal["ddim", "euler", "ddpm", "heun", "dpm++"]
 """Samplers that cards and the command line name; `euler` is `ddim`, see there."""
@@ -195,7 +200,7 @@ def sample(
     sampler: Sampler,
     z: Latents,
     condition: Conditioning,
-    mask: Bool[Any, "batch tokens"],
+    mask: Mask,
     steps: int,
     noise: Noise,
     remaining: int | None = None,
@@ -211,7 +216,7 @@ def trajectory(
     sampler: Sampler,
     z: Latents,
     condition: Conditioning,
-    mask: Bool[Any, "batch tokens"],
+    mask: Mask,
     steps: int,
     noise: Noise,
     remaining: int | None = None,
