@@ -23,8 +23,6 @@ pace c and the least slowing are taken for which the last moment with fast movem
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float
 
@@ -113,63 +111,54 @@ def upper_envelope(
 Joints = Float[np.ndarray, "frames joints 3"]
 
 
-@dataclass(frozen=True)
-class Timing:
-    """Settings of the timing."""
+_SPEEDS = (0.3, 0.7)
+"""Meters a second of the fastest joint: below the first the body idles, above the second it acts.
+Where people stand still, the fastest joint has 0.15 in the middle, and below 0.46 in nine of ten
+frames; where generated ones do, it has 0.5."""
 
-    speeds: tuple[float, float] = (0.3, 0.7)
-    """Meters a second of the fastest joint: below the first the body idles, above the second it
-    acts. Where people stand still, the fastest joint has 0.15 in the middle, and below 0.46 in nine
-    of ten frames; where generated ones do, it has 0.5."""
-    idle: float = 0.3
-    """Pace of a body that idles."""
-    most: float = 1.12
-    """Highest pace of a body that acts."""
-    settle: float = 0.5
-    """Seconds in which a motion settles."""
-    last: float = 0.2
-    """Pace of the last frame."""
-    travel: tuple[float, float] = (0.4, 0.8)
-    """Meters a second of the pelvis: below the first a motion settles, above the second not."""
-    airborne: float = 0.08
-    """Meters of the lowest joint above the floor from which nothing carries the body."""
+_IDLE, _MOST_PACE, _LAST_PACE = 0.3, 1.12, 0.2
+"""Pace of a body that idles, the highest of one that acts, and that of the last frame."""
+
+_SETTLE = 0.5
+"""Seconds in which a motion settles."""
+
+_TRAVEL = (0.4, 0.8)
+"""Meters a second of the pelvis: below the first a motion settles, above the second not."""
+
+_AIRBORNE = 0.08
+"""Meters of the lowest joint above the floor from which nothing carries the body."""
 
 
-def settled(joints: Joints, fps: float, settings: Timing = Timing()) -> Joints:
+def settled(joints: Joints, fps: float) -> Joints:
     """Returns as many frames of the motion, slow moments slower, with an end that settles.
 
     Args:
         joints: Positions, meters, the floor at height 0.
         fps: Frames per second.
-        settings: Speeds and paces.
     """
     last = len(joints) - 1
-    reach = min(round(settings.settle * fps), last)
+    reach = min(round(_SETTLE * fps), last)
     if reach < 2:
         return joints
     speed = np.linalg.norm(velocity(joints, fps), axis=-1)
     fastest = gaussian(speed.max(axis=-1), 0.1 * fps)
-    pace = settings.idle + (1 - settings.idle) * ramp(fastest, *settings.speeds)
-    carried = (joints[-reach:, :, 1].min(axis=1) < settings.airborne).all()
-    calm = carried * (1 - float(ramp(speed[-reach:, 0].mean(), *settings.travel)))
+    pace = _IDLE + (1 - _IDLE) * ramp(fastest, *_SPEEDS)
+    carried = (joints[-reach:, :, 1].min(axis=1) < _AIRBORNE).all()
+    calm = carried * (1 - float(ramp(speed[-reach:, 0].mean(), *_TRAVEL)))
     frames = np.arange(last + 1)
-    ease = 1 - calm * (1 - settings.last) * ramp(frames, last - reach, last)
+    ease = 1 - calm * (1 - _LAST_PACE) * ramp(frames, last - reach, last)
     elapsed = np.concatenate([[0.0], np.cumsum((ease[1:] + ease[:-1]) / 2)])
-    acts = np.flatnonzero(fastest > settings.speeds[1])
+    acts = np.flatnonzero(fastest > _SPEEDS[1])
     needed = min(acts[-1], elapsed[-1]) if len(acts) else 0.0
     at = elapsed
     for slowing in (1.0, 0.75, 0.5, 0.25, 0.0):
         times = np.concatenate([[0.0], np.cumsum(1 / (1 - slowing * (1 - pace[:-1])))])
         enough = np.interp(needed, frames, times) / elapsed[-1]  # the pace that shows it
-        if enough <= settings.most:
+        if enough <= _MOST_PACE:
             at = np.interp(max(enough, 1.0) * elapsed, times, frames)
             break
-    return _between(joints, at)
-
-
-def _between(joints: Joints, at: Float[np.ndarray, " shown"]) -> Joints:
-    """Returns the joints at moments between frames, by Catmull and Rom's cubics."""
-    first = np.minimum(at.astype(int), len(joints) - 2)
+    # Moments between frames, by Catmull and Rom's cubics.
+    first = np.minimum(at.astype(int), last - 1)
     u = (at - first)[:, None, None]
-    a, b, c, d = (joints[np.clip(first + n, 0, len(joints) - 1)] for n in (-1, 0, 1, 2))
+    a, b, c, d = (joints[np.clip(first + n, 0, last)] for n in (-1, 0, 1, 2))
     return b + 0.5 * u * (c - a + u * (2 * a - 5 * b + 4 * c - d + u * (3 * (b - c) + d - a)))

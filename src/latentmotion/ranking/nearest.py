@@ -113,13 +113,12 @@ def read_training_vectors(scorer: Scorer) -> TrainingVectors:
     return TrainingVectors(clips, vectors)
 
 
-def training_vectors(data: Dataset, scorer: Scorer, mirrored: bool = True) -> TrainingVectors:
+def training_vectors(data: Dataset, scorer: Scorer) -> TrainingVectors:
     """Computes the vectors of the recorded clips of the split `train`.
 
     Args:
         data: Prepared data of the scorer's features.
         scorer: Makes the vectors.
-        mirrored: Whether mirrored copies count, too.
 
     Raises:
         DataError: There are no such clips, or the features are of another kind.
