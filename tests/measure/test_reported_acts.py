@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import pytest
 
-from latentmotion.measure.facts import Description, Event, Path
+from latentmotion.measure.facts import Description, Event, FloorPath
 from latentmotion.measure.reported_acts import acts_of
 from tests.support import acted
 
-STILL = Path(0, 0, 0, 0, 0, 0, False)
-FAR = Path(4, 4, 0, 4, 0, 0, False)
+STILL = FloorPath(0, 0, 0, 0, 0, 0, False)
+FAR = FloorPath(4, 4, 0, 4, 0, 0, False)
 
 
 def described(
     *events: Event,
     frames: int = 200,
-    path: Path = STILL,
+    path: FloorPath = STILL,
     moves: tuple[Event, ...] = (),
     turns: tuple[Event, ...] = (),
     postures: tuple[Event, ...] = (),

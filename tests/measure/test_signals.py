@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from latentmotion.measure.facts import Description, Event, Path
+from latentmotion.measure.facts import Description, Event, FloorPath
 from latentmotion.measure.signals import (
     around_peak,
     bearing,
@@ -216,7 +216,7 @@ def test_an_event_shares_frames_with_another() -> None:
 
 
 def test_facts_are_found_by_kind_side_and_direction() -> None:
-    path = Path(1, 1, 0, 1, 0, 0, False)
+    path = FloorPath(1, 1, 0, 1, 0, 0, False)
     events = (Event("kick", 9, 12, "both", "side"), Event("kick", 0, 4, "left", count=3))
     moves = (Event("walk", 0, 5, direction="left"), Event("stand", 5, 20))
     found = Description(20, path, moves, (), (Event("stand", 0, 20),), events, 0)

@@ -6,7 +6,7 @@ import pytest
 
 from latentmotion.language.claims import Claim
 from latentmotion.language.reading import claims_of
-from latentmotion.measure.facts import Description, Event, Path
+from latentmotion.measure.facts import Description, Event, FloorPath
 from latentmotion.measure.scene import describe
 from latentmotion.ranking.agreement import check, events_for, frames_for
 from tests.support import acted
@@ -268,7 +268,7 @@ def test_the_frames_of_a_gait_are_those_of_its_direction() -> None:
         Event("walk", 60, 100, direction="backward", amount=1.0),
     )
     stands = (Event("stand", 0, 100),)
-    path = Path(4, 0, 0, 0, 0, 0, False)
+    path = FloorPath(4, 0, 0, 0, 0, 0, False)
     found = Description(100, path, moves, (), stands, (), 8)
     assert frames_for(Claim("walk", direction="backward"), found) == (60, 100)
     assert frames_for(Claim("walk"), found) == (0, 100)

@@ -129,37 +129,37 @@ def fit_motion(
             "models of HumanML3D's joints, such as fast"
         )
     shortest, longest = generator.card.frames
-    scene = Scene.of(keypoints, space.fps, noise)
+    shot = Shot.of(keypoints, space.fps, noise)
     length = min(_WINDOW, longest)
     pieces, about = [], []
-    for start in range(0, max(1, scene.frames - _OVERLAP), max(1, length - _OVERLAP)):
-        frames = min(length, scene.frames - start)
-        window = scene.window(start, max(frames, shortest))
+    for start in range(0, max(1, shot.frames - _OVERLAP), max(1, length - _OVERLAP)):
+        frames = min(length, shot.frames - start)
+        window = shot.window(start, max(frames, shortest))
         joints, facts = _fitted_window(window, motion(window.frames))
         # A camera and the floor stay: later windows take them from those before.
-        scene = replace(scene, pitch=facts["pitch"], floor=facts["floor"])
+        shot = replace(shot, pitch=facts["pitch"], floor=facts["floor"])
         pieces.append((start, joints[:frames]))
         about.append(facts)
-    joints, pitch = _joined(pieces, scene.frames), about[0]["pitch"]
-    if scene.flat:
+    joints, pitch = _joined(pieces, shot.frames), about[0]["pitch"]
+    if shot.flat:
         # From the camera's axes to the floor: the motion starts above the origin.
         joints = tilt(joints, -pitch)
         joints -= [joints[0, 0, 0], np.percentile(joints[..., 1].min(axis=1), 10), joints[0, 0, 2]]
     notes: dict[str, Any] = {
-        "noise": round(float(np.mean([window["noise"] for window in about])) / scene.scale, 4),
+        "noise": round(float(np.mean([window["noise"] for window in about])) / shot.scale, 4),
         "dropped": round(float(np.mean([window["dropped"] for window in about])), 4),
-        "scale": round(scene.scale, 4),
+        "scale": round(shot.scale, 4),
     }
-    if scene.flat:
-        notes["camera"] = {"focal": scene.focal, "pitch": round(float(np.degrees(pitch)), 2)}
+    if shot.flat:
+        notes["camera"] = {"focal": shot.focal, "pitch": round(float(np.degrees(pitch)), 2)}
     card = generator.card
     metadata = {"model": card.name, **card.terms(), "fit": notes}
-    joints = (joints / scene.scale).astype(np.float32)
+    joints = (joints / shot.scale).astype(np.float32)
     return Motion(joints, space.fps, space.skeleton, "", metadata)
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Shot:
     """A whole recording in the model's frames and size."""
 
     points: Float[np.ndarray, "observed keypoints coordinates"]
@@ -186,7 +186,7 @@ class Scene:
     """Height of the floor, meters, once it is known."""
 
     @classmethod
-    def of(cls, keypoints: Keypoints, fps: float, noise: float | None) -> Scene:
+    def of(cls, keypoints: Keypoints, fps: float, noise: float | None) -> Shot:
         """Returns a recording in the model's frames.
 
         Raises:
@@ -223,7 +223,7 @@ class Scene:
         """True where the points are a camera's."""
         return self.depth is not None
 
-    def window(self, start: int, frames: int) -> Scene:
+    def window(self, start: int, frames: int) -> Shot:
         """Returns so many frames from a frame on."""
         inside = (self.positions >= start) & (self.positions <= start + frames - 1)
         return replace(
@@ -334,36 +334,36 @@ def _smoothed(
     return np.stack([np.interp(times, times[supported], row[supported]) for row in means.T], axis=1)
 
 
-def _fitted_window(scene: Scene, motion: DecodedMotion) -> tuple[Joints, dict[str, float]]:
+def _fitted_window(shot: Shot, motion: DecodedMotion) -> tuple[Joints, dict[str, float]]:
     """Returns the joints of one window where the tracker sees them, and what was found."""
-    observation, width = scene.observation(), latent_width(motion)
-    if not (scene.weights > 0).any():
+    observation, width = shot.observation(), latent_width(motion)
+    if not (shot.weights > 0).any():
         raise InputError(
-            f"nothing was seen for {scene.frames / motion.representation.fps:.1f} s: cut the "
+            f"nothing was seen for {shot.frames / motion.representation.fps:.1f} s: cut the "
             "recording there"
         )
-    noise = float(np.hypot(scene.noise, _EXPRESSED))
+    noise = float(np.hypot(shot.noise, _EXPRESSED))
     candidates = []
-    for yaw, floor in product(_headings(scene), _floors(scene)):
-        start = _start(scene, motion, yaw, floor)
-        value, p = _refined(observation, motion, start, noise, 30 if scene.flat else 100)
+    for yaw, floor in product(_headings(shot), _floors(shot)):
+        start = _start(shot, motion, yaw, floor)
+        value, p = _refined(observation, motion, start, noise, 30 if shot.flat else 100)
         candidates.append((value * (1.0 if floor else _COMMON), p))
     _, p = min(candidates, key=lambda found: found[0])
     joints = _placed(motion, p, width)
     off = np.linalg.norm(observation.missing(joints), axis=-1)
-    visible = scene.weights > 0
+    visible = shot.weights > 0
     # Medians of the lengths of normal vectors of deviation 1 in three and two dimensions.
-    spread = float(np.median(off[visible])) / (1.177 if scene.flat else 1.538)
+    spread = float(np.median(off[visible])) / (1.177 if shot.flat else 1.538)
     noise = float(np.clip(spread, 0.5 * _EXPRESSED, _MOST_NOISE))
     inliers = off < _OUTLIER * noise
-    observation = replace(observation, weights=scene.weights * inliers)
+    observation = replace(observation, weights=shot.weights * inliers)
     _, p = _refined(observation, motion, p, noise, 80)
     joints = _placed(motion, p, width)
-    if not scene.flat:
-        joints = joints + _detail(observation, joints, scene.noise)
+    if not shot.flat:
+        joints = joints + _detail(observation, joints, shot.noise)
         joints = _bridged(observation, joints, motion.representation.fps)
     dropped = float((visible & ~inliers).sum() / visible.sum())
-    facts = {"noise": scene.noise, "dropped": dropped}
+    facts = {"noise": shot.noise, "dropped": dropped}
     return joints, facts | {"floor": float(p[-3]), "pitch": float(p[-1])}
 
 
@@ -413,19 +413,19 @@ def _placed(motion: DecodedMotion, p: Float[np.ndarray, " numbers"], width: int)
 
 
 def _start(
-    scene: Scene, motion: DecodedMotion, yaw: Float[np.ndarray, " frames"], floor: float
+    shot: Shot, motion: DecodedMotion, yaw: Float[np.ndarray, " frames"], floor: float
 ) -> Float[np.ndarray, " numbers"]:
     """Returns latents and placement to begin with, from smoothed keypoints.
 
     Args:
-        scene: What was seen.
+        shot: What was seen.
         motion: The motion as a function of its latents.
         yaw: Heading of the body in each frame.
         floor: Its height, meters.
     """
     space = motion.representation
     assert isinstance(space, HumanML3DRepresentation)
-    joints, observed = rough_joints(scene)
+    joints, observed = rough_joints(shot)
     place = np.array([joints[0, 0, 0], floor, joints[0, 0, 2]])
     local = turn(joints - place, -yaw[:1, None])
     local = np.concatenate([local, 2 * local[-1:] - local[-2:-1]])
@@ -435,14 +435,14 @@ def _start(
     weights = np.ones(features.shape)
     weights[:, space.blocks["positions"]] = np.repeat(observed[:, 1:], 3, axis=1)
     z = fit_features(motion, features, weights, 0.2, 30)
-    return np.concatenate([z.ravel(), yaw[:1], place, [scene.pitch or 0.0]])
+    return np.concatenate([z.ravel(), yaw[:1], place, [shot.pitch or 0.0]])
 
 
-def _floors(scene: Scene) -> list[float]:
+def _floors(shot: Shot) -> list[float]:
     """Returns heights of the floor to begin with: one, or those that are as likely."""
-    joints, observed = rough_joints(scene)
+    joints, observed = rough_joints(shot)
     high = joints[:, 0, 1]
-    if scene.flat:
+    if shot.flat:
         return [float(np.median(high)) - 0.9]
     parts = {
         HUMANML3D.names[joint].split("_")[-1] for joint in np.flatnonzero(observed.any(axis=0))
@@ -450,45 +450,45 @@ def _floors(scene: Scene) -> list[float]:
     lowest = float(np.percentile(joints[:, observed.any(axis=0), 1], 2))
     if parts & {"ankle", "foot"}:
         return [lowest]
-    if scene.floor is not None:
-        return [scene.floor]
+    if shot.floor is not None:
+        return [shot.floor]
     # Somebody stands for a while at least; or sits or lies, and the floor is at 0.
     standing = lowest - _KNEE if "knee" in parts else float(np.percentile(high, 80)) - _PELVIS
     near = abs(standing) < 0.1 or not 0 < standing + _PELVIS < 1.4
     return [standing] if near else [standing, 0.0]
 
 
-def rough_joints(scene: Scene) -> tuple[Joints, Bool[np.ndarray, "frames joints"]]:
+def rough_joints(shot: Shot) -> tuple[Joints, Bool[np.ndarray, "frames joints"]]:
     """Returns smoothed joints in each frame, and which were seen; others are at the pelvis."""
-    fps_ratio = float(np.diff(scene.positions).mean()) if len(scene.positions) > 1 else 1.0
+    fps_ratio = float(np.diff(shot.positions).mean()) if len(shot.positions) > 1 else 1.0
     width = max(1.2, 0.6 * fps_ratio)
-    points = scene.points
-    if scene.depth is not None:
-        flat = points * scene.depth[:, None, None]
-        ahead = np.broadcast_to(scene.depth[:, None, None], (*flat.shape[:2], 1))
+    points = shot.points
+    if shot.depth is not None:
+        flat = points * shot.depth[:, None, None]
+        ahead = np.broadcast_to(shot.depth[:, None, None], (*flat.shape[:2], 1))
         points = np.concatenate([-flat, ahead], axis=-1)
-    matrix, frames = joint_weights(scene.names), scene.frames
-    tracks = np.full((frames, len(scene.names), 3), np.nan)
-    for k in np.flatnonzero((scene.weights > 0).any(axis=0)):
-        visible = scene.weights[:, k] > 0
+    matrix, frames = joint_weights(shot.names), shot.frames
+    tracks = np.full((frames, len(shot.names), 3), np.nan)
+    for k in np.flatnonzero((shot.weights > 0).any(axis=0)):
+        visible = shot.weights[:, k] > 0
         tracks[:, k] = _smoothed(
-            points[visible, k], scene.weights[visible, k], scene.positions[visible], width, frames
+            points[visible, k], shot.weights[visible, k], shot.positions[visible], width, frames
         )
-    hips, shoulders = (_middle(tracks, scene.names, f"mid_{part}") for part in ("hip", "shoulder"))
+    hips, shoulders = (_middle(tracks, shot.names, f"mid_{part}") for part in ("hip", "shoulder"))
     whole = np.nanmean(tracks, axis=1)
     pelvis = np.where(
         np.isfinite(hips), hips + np.array([0, _ABOVE_HIPS, 0]), shoulders - np.array([0, 0.5, 0])
     )
     pelvis = np.where(np.isfinite(pelvis), pelvis, whole)
-    if "pelvis" in scene.names:
-        track = tracks[:, scene.names.index("pelvis")]
+    if "pelvis" in shot.names:
+        track = tracks[:, shot.names.index("pelvis")]
         pelvis = np.where(np.isfinite(track), track, pelvis)
     joints = np.repeat(pelvis[:, None], len(HUMANML3D), axis=1)
     observed = np.zeros(joints.shape[:2], bool)
     observed[:, 0] = True
-    if scene.flat:
+    if shot.flat:
         return joints, observed
-    seen_near = _seen_near(scene)
+    seen_near = _seen_near(shot)
     for k, row in enumerate(matrix):
         if (row == 1).sum() == 1 and np.isfinite(tracks[:, k]).all():
             joint = int(row.argmax())
@@ -496,52 +496,52 @@ def rough_joints(scene: Scene) -> tuple[Joints, Bool[np.ndarray, "frames joints"
     return joints, observed
 
 
-def _seen_near(scene: Scene) -> Bool[np.ndarray, "frames keypoints"]:
+def _seen_near(shot: Shot) -> Bool[np.ndarray, "frames keypoints"]:
     """Returns where keypoints were seen within a frame or two."""
-    gaps = np.abs(np.arange(scene.frames)[:, None] - scene.positions)
-    step = float(np.diff(scene.positions).mean()) if len(scene.positions) > 1 else 1.0
-    return (gaps <= max(1.0, step)).astype(float) @ (scene.weights > 0) > 0
+    gaps = np.abs(np.arange(shot.frames)[:, None] - shot.positions)
+    step = float(np.diff(shot.positions).mean()) if len(shot.positions) > 1 else 1.0
+    return (gaps <= max(1.0, step)).astype(float) @ (shot.weights > 0) > 0
 
 
-def _headings(scene: Scene) -> list[Float[np.ndarray, " frames"]]:
+def _headings(shot: Shot) -> list[Float[np.ndarray, " frames"]]:
     """Returns the headings of the body to begin with: one, or those that are as likely."""
-    across = _across(scene, _TRUNK, 2.0)
-    if not scene.flat:
+    across = _across(shot, _TRUNK, 2.0)
+    if not shot.flat:
         if across.any():
             return [_heading_of(-across[:, 0], across[:, 2])]
-        across = _across(scene, _SIDES, 10.0)
+        across = _across(shot, _SIDES, 10.0)
         headings = [_heading_of(-across[:, 0], across[:, 2])] if across.any() else []
-        headings += _headings_of_path(scene)
-        return headings or [np.full(scene.frames, yaw) for yaw in np.arange(4) * np.pi / 2]
-    assert scene.depth is not None
+        headings += _headings_of_path(shot)
+        return headings or [np.full(shot.frames, yaw) for yaw in np.arange(4) * np.pi / 2]
+    assert shot.depth is not None
     # In the picture the right side is at -x; how wide hips and shoulders look says how far turned.
     depth = _smoothed(
-        scene.depth[:, None], np.ones(len(scene.depth)), scene.positions, 2.0, scene.frames
+        shot.depth[:, None], np.ones(len(shot.depth)), shot.positions, 2.0, shot.frames
     )
     wide = np.clip(across[:, 0] * depth[:, 0] / 0.55, -1, 1)
     away = np.sqrt(1 - wide**2)
-    return [_heading_of(wide, sign * away) for sign in (1.0, -1.0)] + _headings_of_path(scene)
+    return [_heading_of(wide, sign * away) for sign in (1.0, -1.0)] + _headings_of_path(shot)
 
 
 def _across(
-    scene: Scene, parts: tuple[str, ...], width: float
+    shot: Shot, parts: tuple[str, ...], width: float
 ) -> Float[np.ndarray, "frames coordinates"]:
     """Returns how far the right side is from the left one, smoothed and summed; 0 if not seen."""
-    total = np.zeros((scene.frames, scene.points.shape[2]))
+    total = np.zeros((shot.frames, shot.points.shape[2]))
     for part in parts:
         sides = [f"{side}_{part}" for side in ("right", "left")]
-        if set(sides) <= set(scene.names):
-            k = [scene.names.index(side) for side in sides]
-            both = scene.weights[:, k].min(axis=1)
+        if set(sides) <= set(shot.names):
+            k = [shot.names.index(side) for side in sides]
+            both = shot.weights[:, k].min(axis=1)
             if (both > 0).any():
-                step = scene.points[:, k[0]] - scene.points[:, k[1]]
-                total += _smoothed(step, both, scene.positions, width, scene.frames)
+                step = shot.points[:, k[0]] - shot.points[:, k[1]]
+                total += _smoothed(step, both, shot.positions, width, shot.frames)
     return total
 
 
-def _headings_of_path(scene: Scene) -> list[Float[np.ndarray, " frames"]]:
+def _headings_of_path(shot: Shot) -> list[Float[np.ndarray, " frames"]]:
     """Returns the heading of a person walking ahead, or nothing if the pelvis stays."""
-    path = rough_joints(scene)[0][:, 0]
+    path = rough_joints(shot)[0][:, 0]
     if np.linalg.norm(path[-1] - path[0]) <= 0.5:
         return []
     way = np.gradient(path, axis=0)

@@ -52,7 +52,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Path:
+class FloorPath:
     """The path of the pelvis over the floor."""
 
     length: float
@@ -79,7 +79,7 @@ class Description:
 
     frames: int
     """Its length."""
-    path: Path
+    path: FloorPath
     """Its path over the floor."""
     moves: tuple[Event, ...]
     """`stand`, `walk`, `jog` and `run`, one after another without gaps, by direction and speed."""

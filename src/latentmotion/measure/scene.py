@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from latentmotion.language.kinds import kinds
 from latentmotion.measure import arms, legs, whole_body
-from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, Path, among
+from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, FloorPath, among
 from latentmotion.measure.reported_acts import acts_of
 from latentmotion.measure.signals import Signals, activity_of, measure, twist_of
 
@@ -112,7 +112,7 @@ class Measured(Description):
         return tuple(sorted(events, key=_order))
 
     @cached_property
-    def path(self) -> Path:
+    def path(self) -> FloorPath:
         """Its path over the floor."""
         return whole_body.path_of(self.signals, self.turns)
 

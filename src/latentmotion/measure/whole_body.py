@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event, Path, joined_moves
+from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event, FloorPath, joined_moves
 from latentmotion.measure.signals import (
     JOINT,
     Signals,
@@ -113,7 +113,7 @@ def turns_of(signals: Signals) -> tuple[Event, ...]:
     return tuple(turns)
 
 
-def path_of(signals: Signals, turns: tuple[Event, ...]) -> Path:
+def path_of(signals: Signals, turns: tuple[Event, ...]) -> FloorPath:
     """Measures the path of the pelvis."""
     points = signals.joints[:, 0, ::2]
     net = points[-1] - points[0]
@@ -131,7 +131,7 @@ def path_of(signals: Signals, turns: tuple[Event, ...]) -> Path:
             for part in (circle[:third], circle[-third:])
         )
         widening = last / max(first, 0.05) - 1
-    return Path(
+    return FloorPath(
         length=length,
         forward=float(s * net[0] + c * net[1]),
         left=float(c * net[0] - s * net[1]),
