@@ -83,8 +83,8 @@ MAX_BATCH_SIZE = 32
 
 Item = TypeVar("Item")
 
+# Takes after which goals that none meets are refused.
 _MOST_TAKES = 12
-"""Takes after which goals that none meets are refused."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,14 +20,14 @@ from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.kinematics.skeleton import Skeleton
 
 _ROUNDS = 10
+# Share of its length below which a bone's direction is taken from its neighbors in time, too.
 _SHRUNK = 0.7
-"""Share of its length below which a bone's direction is taken from its neighbors in time, too."""
 
+# Standard deviation of the Gaussian over these neighbors, seconds.
 _MEMORY = 0.1
-"""Standard deviation of the Gaussian over these neighbors, seconds."""
 
+# Stiffness of the trunk: movement of its joints relative to those of limbs.
 _TRUNK = 0.1
-"""Stiffness of the trunk: movement of its joints relative to those of limbs."""
 
 
 def constant_bones(

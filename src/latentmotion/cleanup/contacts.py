@@ -28,15 +28,15 @@ Interval = tuple[int, int]
 Phase = tuple[int, int, int]
 """A foot, the first frame of a stance phase of it, and the frame after its last."""
 
+# Meters per second: frames in which a foot is slower count most for where it stands.
 _SLOW = 0.1
-"""Meters per second: frames in which a foot is slower count most for where it stands."""
 
+# Seconds at most by which a contact is shortened at either end.
 _ENDS = 0.15
-"""Seconds at most by which a contact is shortened at either end."""
 
+# A foot is put elsewhere where it moves this far, meters, and by this share of all its movement
+# in the contact, within the time of a step.
 _JUMP = (0.02, 0.8)
-"""A foot is put elsewhere where it moves this far, meters, and by this share of all its movement in
-the contact, within the time of a step."""
 
 
 @dataclass(frozen=True)

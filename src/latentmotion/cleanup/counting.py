@@ -24,32 +24,32 @@ Joints = Float[np.ndarray, "frames 22 3"]
 Pieces = list[tuple[int, int]]
 """First and last frame of each piece of a motion, in their order."""
 
+# Largest count that is made.
 _MOST = 20
-"""Largest count that is made."""
 
+# Fewest and most frames of a motion that is made.
 _FRAMES = (20, 196)
-"""Fewest and most frames of a motion that is made."""
 
+# Seconds in which a cycle is joined.
 _TRANSITION = 0.4
-"""Seconds in which a cycle is joined."""
 
+# Largest distance of the poses with their speeds at which a cycle begins and ends, meters.
 _APART = 0.3
-"""Largest distance of the poses with their speeds at which a cycle begins and ends, meters."""
 
+# Most that feet may slide in a transition on average, m/s, and a joint may jerk, m/s³.
 _SLIDE, _JERK = 0.3, 1200.0
-"""Most that feet may slide in a transition on average, m/s, and a joint may jerk, m/s³."""
 
+# Cycles that are tried, the nearest first.
 _TRIES = 6
-"""Cycles that are tried, the nearest first."""
 
+# Cost of another seam, meters.
 _SEAM = 0.02
-"""Cost of another seam, meters."""
 
+# Distance of poses that must not be joined, meters.
 _FAR = 9.0
-"""Distance of poses that must not be joined, meters."""
 
+# Frames by which cycles differ that are tried.
 _OTHER = 4
-"""Frames by which cycles differ that are tried."""
 
 
 def exact_count(

@@ -123,25 +123,25 @@ def lift_hands(
     return moved
 
 
+# Height of a seated pelvis, in lengths of a leg, where sitting begins, and while it lasts; so are
+# all limits.
 _LOW = (0.35, 0.78), (0.25, 0.85)
-"""Height of a seated pelvis, in lengths of a leg, where sitting begins, and while it lasts; so are
-all limits."""
 
+# Greatest rise of a thigh, least rise of shank and trunk, as shares of their lengths; a trunk
+# that leans forward to get up still sits.
 _LEVEL, _UPRIGHT = (0.6, 0.85), (0.75, 0.5)
-"""Greatest rise of a thigh, least rise of shank and trunk, as shares of their lengths; a trunk that
-leans forward to get up still sits."""
 
+# Least distance of the feet ahead of the pelvis, in lengths of a leg; a squat has less.
 _AHEAD = 0.25, 0.1
-"""Least distance of the feet ahead of the pelvis, in lengths of a leg; a squat has less."""
 
+# Meters per second up to which the pelvis of a sitter moves down or up, and up.
 _SLOW = 0.25, 0.4
-"""Meters per second up to which the pelvis of a sitter moves down or up, and up."""
 
+# Seconds that somebody sits at least, and from whose heights that of the seat is taken.
 _SHORTEST, _SETTLED = 0.6, 0.5
-"""Seconds that somebody sits at least, and from whose heights that of the seat is taken."""
 
+# Seconds in which the pelvis goes to the height of the seat and leaves it.
 _BLEND = 0.5
-"""Seconds in which the pelvis goes to the height of the seat and leaves it."""
 
 
 def hold_seats(

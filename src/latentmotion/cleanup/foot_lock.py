@@ -41,14 +41,14 @@ from latentmotion.kinematics.skeleton import Skeleton
 Joints = Float[np.ndarray, "frames motions joints 3"]
 Shifts = Float[np.ndarray, "frames motions legs 3"]
 
+# Standard deviation, seconds, of the Gaussian g of the body's correction.
 _SWAY = 0.2
-"""Standard deviation, seconds, of the Gaussian g of the body's correction."""
 
+# Iterations of the conjugate gradients that find it.
 _ROUNDS = 12
-"""Iterations of the conjugate gradients that find it."""
 
+# Share of its full length to which a leg may stretch before the pelvis comes down.
 _LOWERED = 0.98
-"""Share of its full length to which a leg may stretch before the pelvis comes down."""
 
 
 @dataclass(frozen=True)

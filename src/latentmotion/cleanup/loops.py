@@ -19,14 +19,14 @@ from latentmotion.kinematics.skeleton import joints_of_bones
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
+# Seconds of further turns on either side of the one that is kept.
 _BESIDE = 3.0
-"""Seconds of further turns on either side of the one that is kept."""
 
+# Seconds to either side of a seam within which it is smoothed.
 _SEAM = 0.4
-"""Seconds to either side of a seam within which it is smoothed."""
 
+# Standard deviations, seconds, of the Gaussians that are tried for that, mildest first.
 _DEVIATIONS = np.linspace(0.02, 0.12, 11)
-"""Standard deviations, seconds, of the Gaussians that are tried for that, mildest first."""
 
 
 def is_loop(motion: Motion) -> bool:

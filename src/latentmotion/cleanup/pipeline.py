@@ -43,8 +43,8 @@ class CleanUpWarning(UserWarning):
         self.motion = motion
 
 
+# Meters that a joint may move for constant bone lengths without a warning.
 _FAR = 0.25
-"""Meters that a joint may move for constant bone lengths without a warning."""
 
 
 @dataclass(frozen=True)
@@ -257,9 +257,9 @@ def _named(motion: Motion) -> str:
     return f"{', '.join(parts)}: " if parts else ""
 
 
+# Meters that joints may move on average, and share of the path's length that may change, without
+# a warning.
 _MOVED, _OFF = 0.1, 0.05
-"""Meters that joints may move on average, and share of the path's length that may change, without
-a warning."""
 
 
 @dataclass(frozen=True)
@@ -320,11 +320,11 @@ class Changes:
         return None
 
 
+# Meters of the whole figure that are told.
 _LIFTED = 0.005
-"""Meters of the whole figure that are told."""
 
+# Meters of a path whose change of length says nothing.
 _SHORT = 0.5
-"""Meters of a path whose change of length says nothing."""
 
 
 def _path_length(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> float:

@@ -15,27 +15,27 @@ from latentmotion.corrections import Turn
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation.canonical import gaussian_smooth, turn
 
+# Share of the degrees asked that a motion turns at least; less may be no turn at all.
 _LEAST = 0.5
-"""Share of the degrees asked that a motion turns at least; less may be no turn at all."""
 
+# How many times the degrees asked a motion turns at most, and how many times up to 135°: models
+# that are asked for 45° turn by 104 to 131°, which is the turn that was asked, too far.
 _MOST_TIMES, _SMALL_TIMES, _SMALL = 2.0, 3.0, 135.0
-"""How many times the degrees asked a motion turns at most, and how many times up to 135°: models
-that are asked for 45° turn by 104 to 131°, which is the turn that was asked, too far."""
 
+# Degrees by which it may turn back; more is another turn, and which was asked is open.
 _BACK = 45.0
-"""Degrees by which it may turn back; more is another turn, and which was asked is open."""
 
+# Degrees off that are left as they are.
 _EXACT = 1.0
-"""Degrees off that are left as they are."""
 
+# Seconds by which the heading is smoothed.
 _SMOOTH = 0.1
-"""Seconds by which the heading is smoothed."""
 
+# Degrees of the smallest and the largest turn that is made exact.
 _RANGE = (10.0, 1080.0)
-"""Degrees of the smallest and the largest turn that is made exact."""
 
+# Share of the line between the hips that is along the floor at least; else the body lies.
 _LEVEL = 0.7
-"""Share of the line between the hips that is along the floor at least; else the body lies."""
 
 
 def exact_turns(

@@ -38,8 +38,8 @@ Joints = Float[np.ndarray, "frames joints 3"]
 TOKENS = 8
 """Latents that are kept on either side of a gap; beyond some two the decoder hardly sees them."""
 
+# Frames in which the offsets at a seam decay.
 _SEAM = 12
-"""Frames in which the offsets at a seam decay."""
 
 
 ON_THE_WAY = "a person walks"
@@ -213,8 +213,8 @@ def put_after(before: Motion, motion: Motion, seconds: float) -> Motion:
     return motion.with_joints(joints.astype(np.float32), motion.caption)
 
 
+# Seconds over which the pace of an end is measured.
 _PACE = 0.25
-"""Seconds over which the pace of an end is measured."""
 
 
 def gap_between(motion: Motion, between: tuple[float, float]) -> Gap:

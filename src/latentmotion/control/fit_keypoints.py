@@ -46,50 +46,50 @@ from latentmotion.representation.humanml3d import HumanML3DRepresentation
 
 Joints = Float[np.ndarray, "frames joints 3"]
 
+# Correlation of a latent with the one before, in recordings of the test split: 0.7 to 0.95.
 _LAG = 0.85
-"""Correlation of a latent with the one before, in recordings of the test split: 0.7 to 0.95."""
 
+# Meters that latents are off recordings by themselves.
 _EXPRESSED = 0.02
-"""Meters that latents are off recordings by themselves."""
 
+# Frames over which halves of what they are off last.
 _LASTING = (3.0, 15.0)
-"""Frames over which halves of what they are off last."""
 
+# Meters by which a joint is elsewhere than where it would be at the speed of the frame before.
 _PUSH = 0.01
-"""Meters by which a joint is elsewhere than where it would be at the speed of the frame before."""
 
+# Meters between which the noise of a tracker is taken to be.
 _LEAST_NOISE, _MOST_NOISE = 0.002, 0.3
-"""Meters between which the noise of a tracker is taken to be."""
 
+# Frames that are fitted at once, and that two windows share.
 _WINDOW, _OVERLAP = 160, 40
-"""Frames that are fitted at once, and that two windows share."""
 
+# Meters that a joint is off in a gap: by the latents, and by a curve over a gap of one second.
 _UNSEEN, _BRIDGED = 0.04, 0.12
-"""Meters that a joint is off in a gap: by the latents, and by a curve over a gap of one second."""
 
+# Whose two sides show the heading of a body.
 _TRUNK = ("hip", "shoulder")
-"""Whose two sides show the heading of a body."""
 
+# Whose two sides show it roughly.
 _SIDES = ("knee", "ankle", "foot", "elbow", "wrist", "ear")
-"""Whose two sides show it roughly."""
 
+# Heights of pelvis and knees of a standing person, meters.
 _PELVIS, _KNEE = 0.93, 0.45
-"""Heights of pelvis and knees of a standing person, meters."""
 
+# Share of its loss that counts where the floor is at 0, as it mostly is.
 _COMMON = 0.95
-"""Share of its loss that counts where the floor is at 0, as it mostly is."""
 
+# Meters of the pelvis above the middle of the hips.
 _ABOVE_HIPS = 0.09
-"""Meters of the pelvis above the middle of the hips."""
 
+# Deviations beyond which a keypoint is taken for a mistake of the tracker.
 _OUTLIER = 6.0
-"""Deviations beyond which a keypoint is taken for a mistake of the tracker."""
 
+# Degrees that a picture of unknown focal length shows from side to side.
 _FIELD_OF_VIEW = 60.0
-"""Degrees that a picture of unknown focal length shows from side to side."""
 
+# Bones that show how far away a person is, with their lengths in meters.
 _UPRIGHT = (("mid_shoulder", "mid_hip", 0.5), ("mid_shoulder", "mid_ankle", 1.3))
-"""Bones that show how far away a person is, with their lengths in meters."""
 
 
 def fit_motion(

@@ -27,14 +27,14 @@ from latentmotion.representation.canonical import heading, turn
 FASTEST = 8.0
 """Meters per second that a person can run."""
 
+# Height of the pelvis, meters, that a standing body does not exceed.
 _STANDING = 1.1
-"""Height of the pelvis, meters, that a standing body does not exceed."""
 
+# Meters that a person can jump.
 _JUMP = 0.7
-"""Meters that a person can jump."""
 
+# Meters that a radian of heading counts as, about half the width of the shoulders.
 _TURN = 0.3
-"""Meters that a radian of heading counts as, about half the width of the shoulders."""
 
 Coordinate = float | None
 

@@ -21,14 +21,14 @@ from latentmotion.kinematics.recorded import Recorded
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.motion import Motion
 
+# Meters from the head's joint to between the eyes, in the head's axes.
 _EYES = np.array([0.0, 0.07, 0.09])
-"""Meters from the head's joint to between the eyes, in the head's axes."""
 
+# Yaw and pitch up to which neck and head turn together.
 _FARTHEST = np.radians([80.0, 60.0])
-"""Yaw and pitch up to which neck and head turn together."""
 
+# Rounds in which the place of the eyes and the direction of the head settle.
 _ROUNDS = 6
-"""Rounds in which the place of the eyes and the direction of the head settle."""
 
 
 def looking(motion: Motion, looks: Sequence[LookAt]) -> Motion:

@@ -17,11 +17,11 @@ from jaxtyping import Float
 
 from latentmotion.representation.canonical import turn
 
+# Deviations beyond which what is off counts by its size, no longer by its square.
 _HUBER = 3.0
-"""Deviations beyond which what is off counts by its size, no longer by its square."""
 
+# Meters from the camera at which points nearer to it are taken to be.
 _NEAREST = 0.3
-"""Meters from the camera at which points nearer to it are taken to be."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,11 +22,11 @@ from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation.canonical import turn
 
+# Meters between the points by which a curve is kept.
 _SPACING = 0.02
-"""Meters between the points by which a curve is kept."""
 
+# Deviation, meters along the curve, of the Gaussian that rounds the direction of the body.
 _ROUND = 0.15
-"""Deviation, meters along the curve, of the Gaussian that rounds the direction of the body."""
 
 
 @dataclass(frozen=True, eq=False)

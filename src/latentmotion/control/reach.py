@@ -42,11 +42,11 @@ Sample = Callable[[int, Callable[[np.ndarray], np.ndarray]], Float[np.ndarray, "
 """Samples latents for so many frames, its estimates of the clean latents corrected by a function.
 """
 
+# Most halvings of a step that brings joints no nearer to their goals.
 _HALVINGS = 4
-"""Most halvings of a step that brings joints no nearer to their goals."""
 
+# Share of what was missing that may be left after a step for its Jacobian to serve again.
 _KEEPS = 0.3
-"""Share of what was missing that may be left after a step for its Jacobian to serve again."""
 
 
 @runtime_checkable
@@ -307,8 +307,8 @@ def joints_pullback(
     return pulled
 
 
+# Steps that L-BFGS remembers.
 _MEMORY = 12
-"""Steps that L-BFGS remembers."""
 
 
 def fit_latents(

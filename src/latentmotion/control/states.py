@@ -46,20 +46,20 @@ KNOWN = {
 }
 """Sentence of each state that needs none, and whether it is a loop."""
 
+# Steps of each foot in a loop that travels.
 _CYCLES = 2
-"""Steps of each foot in a loop that travels."""
 
+# Seconds of the loops among which those that travel are chosen.
 _LENGTHS = (1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.4)
-"""Seconds of the loops among which those that travel are chosen."""
 
+# Seconds of a loop on the spot.
 _IDLE = 3.0
-"""Seconds of a loop on the spot."""
 
+# Meters per second from which on a loop travels.
 _TRAVELS = 0.25
-"""Meters per second from which on a loop travels."""
 
+# Factor by which a loop is sped up or slowed down to its speed at most.
 _FASTER = 1.25
-"""Factor by which a loop is sped up or slowed down to its speed at most."""
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,8 @@ KNOWN, CALL = 5, 15
 LOOK_AHEAD = 2
 """Tokens that frames wait for, 0.4 s: with fewer, frames shake where they are joined."""
 
+# Tokens that are sampled again where a loop is joined.
 _SEAM = 6
-"""Tokens that are sampled again where a loop is joined."""
 
 
 def generate_stream(

@@ -35,8 +35,8 @@ from latentmotion.motion import Motion
 LONGEST = 600.0
 """Most seconds of a timeline; a stream has no end."""
 
+# Seconds in which a part of the body goes over to another motion.
 _SEAM = 0.6
-"""Seconds in which a part of the body goes over to another motion."""
 
 
 @dataclass(frozen=True)

@@ -179,8 +179,8 @@ def check_graph(path: Path) -> None:
         )
 
 
+# Kinds of nodes behind their length, in any spelling that protobuf has for it.
 _REPEATING = re.compile(rb"(?:\x04|\x84\x80*\x00|\x0b|\x8b\x80*\x00)(Loop|Scan|SequenceMap)")
-"""Kinds of nodes behind their length, in any spelling that protobuf has for it."""
 
 
 @cache

@@ -38,15 +38,15 @@ FEWEST = 256
 BLOCK = 64
 """Numbers that share a scale."""
 
+# MatMulNBits' name for products of integers.
 _EIGHT_BIT_INPUTS = 4
-"""MatMulNBits' name for products of integers."""
 
+# Types of numbers as safetensors files name them, in NumPy and in ONNX.
 _TYPES = {
     "F16": (np.float16, TensorProto.FLOAT16),
     "F32": (np.float32, TensorProto.FLOAT),
     "I8": (np.int8, TensorProto.INT8),
 }
-"""Types of numbers as safetensors files name them, in NumPy and in ONNX."""
 
 _HEADER_LENGTH = 8  # a safetensors file begins with the length of its JSON header
 

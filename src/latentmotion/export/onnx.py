@@ -35,11 +35,11 @@ from latentmotion.pipeline import features_from_noise, sampler_of
 from latentmotion.representation.interface import Scale
 from latentmotion.storage.files import atomic_file
 
+# Sizes of the example inputs that graphs are traced with; all of them stay free.
 _BATCH, _TOKENS, _WORDS = 2, 7, 3
-"""Sizes of the example inputs that graphs are traced with; all of them stay free."""
 
+# Further sizes of the pullback's example, which stay free as well.
 _ROWS, _FEATURES = 3, 67
-"""Further sizes of the pullback's example, which stay free as well."""
 
 PULLBACK_TOLERANCE = 1e-5
 """Largest difference between graph and automatic differentiation, relative to the largest value."""

@@ -224,11 +224,11 @@ def _compare(graph: Path, inputs: dict[str, torch.Tensor], expected: torch.Tenso
 
 Model = TypeVar("Model", bound=FirstStageModel)
 
+# Prefixes of figures that depend on the decoder alone.
 _OF_DECODER = ("vae_", "decoder_")
-"""Prefixes of figures that depend on the decoder alone."""
 
+# Prefixes of figures that do not depend on the decoder.
 _OF_DENOISER = ("denoiser_", "student_", "teacher")
-"""Prefixes of figures that do not depend on the decoder."""
 
 
 def with_decoder(model: Model, other: FirstStageModel) -> Model:

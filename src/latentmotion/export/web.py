@@ -51,11 +51,12 @@ FORMAT = "latentmotion web 1"
 TOLERANCE: dict[Weights, float] = {"int8": 0.15, "float16": 1e-4}
 """Largest distance allowed between joints of the graph and of the model, meters."""
 
+# Minimum size of a tensor that is kept in the file of weights.
 _LEAST_BYTES = 1024
-"""Minimum size of a tensor that is kept in the file of weights."""
 
 _ALIGNMENT = 64
 
+# One sentence and one motion have no padding, so all masks are true.
 _MASKS = """<ir_version: 10, opset_import: ["" : 20]>
 masks (int64[1,n] tokens, float[1,t,w] noise, int64[1] frames)
   => (bool[1,n] mask, bool[1,t] latents_mask, bool[1,f] frames_mask)
@@ -68,14 +69,13 @@ masks (int64[1,n] tokens, float[1,t,w] noise, int64[1] frames)
   f_shape = Concat <axis = 0> (one, frames)
   frames_mask = ConstantOfShape <value = bool[1] {1}> (f_shape)
 }"""
-"""One sentence and one motion have no padding, so all masks are true."""
 
+# The number of a label becomes its unit vector; no number, no vector.
 _LABELS = """<ir_version: 10, opset_import: ["" : 20]>
 labels (int64[1,n] tokens) => (float[1,n,w] seen)
 {
   seen = OneHot (tokens, depth, values)
 }"""
-"""The number of a label becomes its unit vector; no number, no vector."""
 
 SeenPrompt = tuple[list[tuple[ModelProto, str, dict[str, str]]], str]
 """Parts from tokens to `seen`, each with its prefix and names, and the name of the words' mask."""
@@ -88,6 +88,7 @@ layer (float[1,n] into) => (float[1,m] out)
   out = Relu (sum)
 }"""
 
+# `LengthModel.usual` for one sentence, layer by layer.
 _LAST_LAYER = """<ir_version: 10, opset_import: ["" : 20]>
 layer (float[1,n] into) => (float[1,1] seconds)
 {
@@ -97,7 +98,6 @@ layer (float[1,n] into) => (float[1,1] seconds)
   median = Gather <axis = 1> (longest, first)
   seconds = Max (median, least)
 }"""
-"""`LengthModel.usual` for one sentence, layer by layer."""
 
 
 def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:

@@ -208,11 +208,11 @@ def _matched(index: Mapping[str, int], name_map: NameMap) -> dict[str, int]:
     return whole
 
 
+# Words for limbs in most conventions.
 _PARTS = (
     *("thigh", "upleg", "upperleg", "hip", "calf", "shin", "knee", "lowerleg", "foot", "ankle"),
     *("upperarm", "shoulder", "forearm", "lowerarm", "elbow", "hand", "wrist"),
 )
-"""Words for limbs in most conventions."""
 
 
 def nearest(names: Iterable[str], words: Iterable[str] = (), count: int = 10) -> str:

@@ -37,8 +37,8 @@ _SIDE_WORDS = {
 }
 
 
+# Words for heads, and for the tips of bones, which are no joints.
 _HEAD, _TIP = "(head|kopf|頭)", "top|end|先"
-"""Words for heads, and for the tips of bones, which are no joints."""
 
 
 @dataclass(frozen=True)

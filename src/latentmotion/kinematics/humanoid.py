@@ -41,8 +41,8 @@ _HOW_TO_MAP = (
     "pass it with --map map.json"
 )
 
+# Lengths of a shank, in thighs, up to which a foot that hangs elsewhere is taken for its end.
 _FREE = (0.4, 2.5)
-"""Lengths of a shank, in thighs, up to which a foot that hangs elsewhere is taken for its end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,10 +345,10 @@ def to_humanml3d(
     return np.einsum("hj,fjc->fhc", weights, animation.joints(), optimize=True)
 
 
+# Words for fingers in the names of bones.
 _FINGERS = {"thumb": "thumb", "index": "index", "middle": "middle", "ring": "ring"} | dict.fromkeys(
     ("pinky", "little"), "little"
 )
-"""Words for fingers in the names of bones."""
 
 
 def fingers_below(body: Humanoid, wrist: str) -> dict[str, list[int]]:

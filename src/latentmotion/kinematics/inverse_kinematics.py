@@ -58,20 +58,20 @@ from latentmotion.kinematics.rotations import (
 )
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 
+# μ and κ.
 _PRIOR, _CONTINUITY = 0.1, 5.0
-"""μ and κ."""
 
+# Greatest number of times that λ_t is raised.
 _ROUNDS = 8
-"""Greatest number of times that λ_t is raised."""
 
+# Share of a raised λ_t that the steps before and after get, so that the turn spreads to them.
 _SHARE = 0.5
-"""Share of a raised λ_t that the steps before and after get, so that the turn spreads to them."""
 
+# Ratio to the pace above which a turn is slowed down.
 _TOLERANCE = 1.1
-"""Ratio to the pace above which a turn is slowed down."""
 
+# Steps of Newton's method, which doubles the digits of a root in each.
 _NEWTON = 12
-"""Steps of Newton's method, which doubles the digits of a root in each."""
 
 
 def hinge(
@@ -177,20 +177,20 @@ RIGID_TOLERANCE = 0.002
 """Meters that the bones leaving pelvis or chest may move relative to each other before the
 animation translates those joints as well as rotating them."""
 
+# λ of the hinge at 20 fps: a limb bent by 18° already decides its hinge within a frame.
 _STIFFNESS = 0.1
-"""λ of the hinge at 20 fps: a limb bent by 18° already decides its hinge within a frame."""
 
+# Weights of rest pose and toes for the hinge, as sin² of the bend that weighs as much.
 _SWING_PRIOR, _TOE_PRIOR = 0.01, 0.05
-"""Weights of rest pose and toes for the hinge, as sin² of the bend that weighs as much."""
 
+# Meters: children of a joint that are nearer to each other lie at one point.
 _APART = 0.01
-"""Meters: children of a joint that are nearer to each other lie at one point."""
 
+# Radians per second that a limb may twist while its two bones stand still.
 _PACE = 2.0
-"""Radians per second that a limb may twist while its two bones stand still."""
 
+# Outward slope of thigh and shank in rest pose, so that the skins of the legs part.
 _STRADDLE = {"knee": np.radians(7), "ankle": np.radians(3)}
-"""Outward slope of thigh and shank in rest pose, so that the skins of the legs part."""
 
 
 @dataclass(frozen=True)
@@ -455,8 +455,8 @@ class _Solver:
         return (bones[..., None, :] @ self.world[frames])[..., 0, :]
 
 
+# Share of its greatest value below which the determinant of the closed form is too small.
 _POOR = 0.05
-"""Share of its greatest value below which the determinant of the closed form is too small."""
 
 
 def nearest_rotation(b: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3 3"]:

@@ -71,8 +71,8 @@ UNREAD = frozenset(
 )
 """Keypoints that say too little about joints to be read."""
 
+# Weights of keypoints that are only near the joint whose name they have or stand for.
 _TRUST = {"ear": 0.25, "head_top": 0.25, "big_toe": 0.5, "foot_index": 0.5, "hip": 0.7}
-"""Weights of keypoints that are only near the joint whose name they have or stand for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -368,9 +368,9 @@ def grounded(
 
 _FOOT = "ankle|heel|foot_index|big_toe|small_toe|foot"
 
+# Meters from the origin up to which hips are at it.
 _CENTERED = 0.03
-"""Meters from the origin up to which hips are at it."""
 
+# Seconds over which feet are smoothed; meters by which a foot is higher than the other to count a
+# third of it; height of the ankle of a standing person, meters.
 _STEADY, _FADING, _ANKLE = 0.1, 0.003, 0.08
-"""Seconds over which feet are smoothed; meters by which a foot is higher than the other to count a
-third of it; height of the ankle of a standing person, meters."""

@@ -18,8 +18,8 @@ from latentmotion.errors import InputError
 Layout = Literal["columns", "rows"]
 """The two vectors of a matrix that its 6D form keeps: HumanML3D's columns or PyTorch3D's rows."""
 
+# Below this squared sine or angle the Taylor series is exact to the last bit.
 _SMALL = 1e-8
-"""Below this squared sine or angle the Taylor series is exact to the last bit."""
 
 
 def quaternion_multiply(

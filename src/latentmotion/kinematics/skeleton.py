@@ -287,8 +287,8 @@ def joints_of_bones(
     return np.stack(joints, axis=1)
 
 
+# Meters up to which a joint counts as staying where its parent carries it.
 _STILL = 1e-5
-"""Meters up to which a joint counts as staying where its parent carries it."""
 
 
 def check_fps(fps: float) -> None:

@@ -35,6 +35,7 @@ from latentmotion.storage.array_files import read_arrays
 from latentmotion.storage.files import sha256
 from latentmotion.storage.limits import MOST_NUMBER
 
+# Arrays of a model file; words are sizes that must agree.
 _SHAPES = {
     "v_template": ("V", 3),
     "shapedirs": ("V", 3, "shapes"),
@@ -44,7 +45,6 @@ _SHAPES = {
     "kintree_table": (2, len(BODY)),
     "f": ("F", 3),
 }
-"""Arrays of a model file; words are sizes that must agree."""
 
 _HOW = "bring a SMPL model file as .npz or .pkl from https://smpl.is.tue.mpg.de"
 

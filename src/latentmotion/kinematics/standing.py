@@ -41,20 +41,20 @@ METERS_PER_UNIT: Mapping[str, float] = MappingProxyType(
 )
 """Units of length by name; `cmu` is Acclaim's unit, 5.644 cm, that conversions of CMU's keep."""
 
+# Lengths of a person's thigh and shank, meters.
 _LEG = (0.5, 1.3)
-"""Lengths of a person's thigh and shank, meters."""
 
+# Meters; of several units, that in which a leg comes nearest is taken.
 _USUAL_LEG = 0.82
-"""Meters; of several units, that in which a leg comes nearest is taken."""
 
+# Lengths of legs in CMU's unit, meters: its subjects are adults.
 _CMU_LEG = (0.68, 1.0)
-"""Lengths of legs in CMU's unit, meters: its subjects are adults."""
 
+# Lengths of a figure's legs in the unit that its format has, meters: children and giants.
 _OWN_LEG = (0.3, 1.5)
-"""Lengths of a figure's legs in the unit that its format has, meters: children and giants."""
 
+# Lengths of a figure's legs in a unit that a user gives, meters.
 _STATED_LEG = (0.15, 4.0)
-"""Lengths of a figure's legs in a unit that a user gives, meters."""
 
 AXES: Mapping[str, Float[np.ndarray, "3 3"]] = MappingProxyType(
     {
@@ -68,17 +68,17 @@ AXES: Mapping[str, Float[np.ndarray, "3 3"]] = MappingProxyType(
 )
 """Axis that points up in a file → the axes of an upright figure in the file's, in the columns."""
 
+# Cosine between the line from feet to head and an axis, from which a body stands along it.
 _UPRIGHT = 0.5
-"""Cosine between the line from feet to head and an axis, from which a body stands along it."""
 
+# Shares of the frames in which a body stands: along the usual axis, and along another.
 _MOST, _NEARLY_ALL = 0.5, 0.8
-"""Shares of the frames in which a body stands: along the usual axis, and along another."""
 
+# Share of a leg's length by which a knee must be off the line from hip to ankle to show a side.
 _BENT = 0.08
-"""Share of a leg's length by which a knee must be off the line from hip to ankle to show a side."""
 
+# A rest pose that faces an axis to within this angle is taken to face it.
 _SQUARE = np.radians(10)
-"""A rest pose that faces an axis to within this angle is taken to face it."""
 
 Joints = Float[np.ndarray, "frames joints 3"]
 Rotations = Float[np.ndarray, "bones 3 3"]

@@ -44,8 +44,8 @@ class Request:
     """Whether the acts follow one another; otherwise "while" or the like joins them."""
 
 
+# Replacements of words; all spellings of counterclockwise become clockwise.
 _OTHER_SIDE = {"left": "right", "right": "left", "clockwise": "counterclockwise"}
-"""Replacements of words; all spellings of counterclockwise become clockwise."""
 
 # Endings such as "leftward", "rights" and "left-handed" follow; "upright", "frightened" must not.
 _SIDED = re.compile(

@@ -26,16 +26,16 @@ _PAST = {
 }  # fmt: skip
 
 _DOUBLED = re.compile(r"[^aeiou]*(?:qu)?[aeiou][bdgklmnprt]|(?:un|zig|side)?(?:zag|step)")
+# Verbs whose last letter is doubled before "ing" and "ed".
 _DOUBLED_IN_PAST = re.compile(rf"{_DOUBLED.pattern}|side-step")
-"""Verbs whose last letter is doubled before "ing" and "ed"."""
 
+# Further forms that people write.
 _OTHER = {
     "lean": ("leant",), "leap": ("leaped",), "kneel": ("kneeled",), "tiptoe": ("tiptoing",),
     "sleep": ("slept",), "hide": ("hid",), "fight": ("fought",),
     "swivel": ("swivelled", "swivelling"), "lie": ("lain", "laying"),
     "walk": ("walkes",), "spring": ("sprung",), "strike": ("stricken",),
 }  # fmt: skip
-"""Further forms that people write."""
 
 
 def third_person(verb: str) -> str:

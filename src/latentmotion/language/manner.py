@@ -10,11 +10,11 @@ from latentmotion.language.kinds import data, kinds
 from latentmotion.language.words import ANGLES, STOPS, Token, is_plural, listed, match
 
 _WITHOUT_LIMB = (*kinds("lasting"), "turn", "circle")
+# Largest count that is read.
 _MOST = 20
-"""Largest count that is read."""
 
+# Characters after a verb in which "two kicks" is its count.
 _HEAD = 25
-"""Characters after a verb in which "two kicks" is its count."""
 
 Tokens = Sequence[Token]
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from latentmotion.language.acts import verb_forms
 from latentmotion.language.words import STOPS, Token, listed, tokens_of
 
+# Words that join a clause to one that is left out.
 _LEFT_OVER = ("but", "just", "and", "instead", "then", "or")
-"""Words that join a clause to one that is left out."""
 
 
 def affirmed(sentence: str) -> str:

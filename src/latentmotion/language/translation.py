@@ -15,27 +15,27 @@ from importlib.resources import files
 from latentmotion.language.acts import mentions
 from latentmotion.language.words import tokens_of
 
+# Languages whose entries are found within words.
 _WITHOUT_SPACES = ("zh", "ja", "ko")
-"""Languages whose entries are found within words."""
 
+# Languages in which what is told of an act comes before it.
 _VERB_LAST = ("ja", "ko")
-"""Languages in which what is told of an act comes before it."""
 
+# Share of a sentence that a language's entries cover, from which the sentence is of it.
 _LEAST = 0.6
-"""Share of a sentence that a language's entries cover, from which the sentence is of it."""
 
+# Characters of a sentence beyond which it is not read.
 _LONGEST = 300
-"""Characters of a sentence beyond which it is not read."""
 
+# Acts that move a part of the body; others are done with it.
 _TAKES_OBJECT = ("raises", "waves")
-"""Acts that move a part of the body; others are done with it."""
 
 
+# What ends a clause.
 _STOPS = ",;，、；"
-"""What ends a clause."""
 
+# What stands between words; the empty text, after the last one, too.
 _BETWEEN = f" '-{_STOPS}"
-"""What stands between words; the empty text, after the last one, too."""
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,11 @@ from latentmotion.measure import arms, legs, whole_body
 from latentmotion.measure.facts import BOTH, SIDES, Event
 from latentmotion.measure.signals import Signals, measure, peaks, smooth
 
+# Share of the swing of the act's repetitions by which another movement looks like one.
 _WEAK = 0.4
-"""Share of the swing of the act's repetitions by which another movement looks like one."""
 
+# Frames around a repetition in which its swing is measured.
 _NEAR = 8
-"""Frames around a repetition in which its swing is measured."""
 
 
 def jumps(events: Iterable[Event]) -> list[Event]:
@@ -114,6 +114,7 @@ COUNTED: Mapping[str, Callable[[Signals], list[Event]]] = MappingProxyType(
 )
 """Acts whose repetitions can be counted, and what finds them."""
 
+# Signal that swings once with each repetition.
 _CURVES: Mapping[str, Callable[[Signals, str], list[Float[np.ndarray, " frames"]]]] = (
     MappingProxyType(
         {
@@ -138,4 +139,3 @@ _CURVES: Mapping[str, Callable[[Signals, str], list[Float[np.ndarray, " frames"]
         }
     )
 )
-"""Signal that swings once with each repetition."""

@@ -14,9 +14,10 @@ STILL = 0.12
 LIVELY = 0.45
 """Mean speed of hands, feet and head, m/s, above which a body in place moves its arms."""
 
+# Meters of the shortest move that is reported.
 _SHORTEST_WAY = 0.5
-"""Meters of the shortest move that is reported."""
 
+# Kinds of events that are only part of others, those others, and the frames between them.
 _SIDE_EFFECTS = (
     (("raise",), ("wave", "arm_circle", "clap"), 0),
     (("raise",), ("jump", "hop"), 8),
@@ -28,7 +29,6 @@ _SIDE_EFFECTS = (
     (("knee", "bow", "balance"), ("climb",), 10),
     (("hop",), ("kick",), 4),
 )
-"""Kinds of events that are only part of others, those others, and the frames between them."""
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,7 @@ def describe(joints: Float[np.ndarray, "frames joints 3"]) -> Description:
     return Measured(measure(joints))
 
 
+# What is measured by one detector, and the kinds of events that it finds.
 _SOURCES = (
     ("moves", ("stand", "walk", "jog", "run")),
     ("turns", ("turn",)),
@@ -68,7 +69,6 @@ _SOURCES = (
     ("changes", whole_body.CHANGES),
     ("dips", ("squat", "bow", "pick_up")),
 )
-"""What is measured by one detector, and the kinds of events that it finds."""
 
 
 def _of_signals(function: Callable[[Signals], Any]) -> Any:

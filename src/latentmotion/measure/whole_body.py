@@ -33,8 +33,8 @@ SLOW, FAST = 0.75, 1.55
 JOG, RUN = 1.7, 2.7
 """Speeds, m/s, above which a gait with flight is a jog and a run."""
 
+# Frames of the shortest move.
 _SHORTEST_MOVE = 8
-"""Frames of the shortest move."""
 
 LEAST_TURN = 25.0
 """Degrees of the smallest turn that is reported."""
@@ -150,9 +150,10 @@ of lean of its trunk from which it is. Chosen by hand; no source."""
 KINDS = ("stand", "crouch", "bend", "kneel", "sit", "floor", "lie")
 """Postures; `floor` is sitting on the floor."""
 
+# Frames of the shortest posture and of the shortest pose.
 _SHORTEST_POSE = 6
-"""Frames of the shortest posture and of the shortest pose."""
 
+# The change between two postures, with or without a short crouch or bow between them.
 _CHANGES = {
     ("stand", "sit"): "sit_down",
     ("stand", "floor"): "sit_down",
@@ -170,13 +171,12 @@ _CHANGES = {
     ("kneel", "floor"): "sit_down",
     ("lie", "kneel"): "get_up",
 }
-"""The change between two postures, with or without a short crouch or bow between them."""
 
 CHANGES = tuple(dict.fromkeys(_CHANGES.values()))
 """Kinds of changes."""
 
+# Changes that may be only the first half of another.
 _FIRST_HALF = {"sit_down": "lie_down", "kneel_down": "lie_down", "sit_up": "get_up"}
-"""Changes that may be only the first half of another."""
 
 _PASSING = ("crouch", "bend")
 

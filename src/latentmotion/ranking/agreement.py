@@ -42,8 +42,8 @@ class Agreement:
 Check = Callable[[Claim, Description], tuple[Verdict, str]]
 """Compares a claim with a motion; returns the verdict and what was found."""
 
+# Checks by kind of claim; all other kinds are compared with events.
 _CHECKS: dict[str, Check] = {}
-"""Checks by kind of claim; all other kinds are compared with events."""
 
 
 def check(sentence: str | tuple[Claim, ...], description: Description) -> Agreement:

@@ -40,14 +40,14 @@ MOST_TAKES = 256
 USUAL_TAKES = 4
 """Takes of a sentence that the command generates if no number is given."""
 
+# Sampling steps up to which several takes take no noticeable time.
 _FAST_STEPS = 16
-"""Sampling steps up to which several takes take no noticeable time."""
 
+# Weight of the claims beside the cosine.
 _CLAIMS = 2.0
-"""Weight of the claims beside the cosine."""
 
+# Costs of a meter below or above the floor and of one m/s³ of jerk above the usual.
 _OFF_FLOOR, _JERK, _USUAL_JERK = 2.0, 1e-3, 150.0
-"""Costs of a meter below or above the floor and of one m/s³ of jerk above the usual."""
 
 
 @dataclass(frozen=True, eq=False)

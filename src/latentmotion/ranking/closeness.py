@@ -20,17 +20,17 @@ from latentmotion.measure.whole_body import stillness, stooped
 from latentmotion.ranking.agreement import check_claim, events_for
 
 _GAITS = kinds("gait")
+# Degrees of turns, circles and slight turns that say none.
 _USUAL_TURN, _USUAL_CIRCLE, _SLIGHTLY = 90.0, 360.0, 40.0
-"""Degrees of turns, circles and slight turns that say none."""
 
+# Postures and poses that show an act.
 _POSTURES = related("shown_by")
-"""Postures and poses that show an act."""
 
 Grade = Callable[[Claim, Scene, Request], float]
 """Returns how closely a motion does what one claim asks, 0 to 1."""
 
+# Grades by kind of claim; all other kinds are graded by their events.
 _GRADES: dict[str, Grade] = {}
-"""Grades by kind of claim; all other kinds are graded by their events."""
 
 
 def closeness(request: Request, scene: Scene) -> float:

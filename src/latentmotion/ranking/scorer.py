@@ -39,8 +39,8 @@ CLIPS_FILE = "clips.safetensors"
 UNIT = 4
 """Frames of a token; lengths are multiples of it."""
 
+# Most motions that go through the graph together.
 _AT_ONCE = 32
-"""Most motions that go through the graph together."""
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,8 @@ WINDOW, STEP = 80, 20
 
 _FORMAT = "latentmotion index 1"
 
+# Most bytes of an index that are read.
 _MOST_INDEX = 2**31
-"""Most bytes of an index that are read."""
 
 
 @dataclass(frozen=True)

@@ -90,8 +90,8 @@ def _across(
     return joints[..., right, :] - joints[..., left, :]
 
 
+# Share of a leg's length below which a bone counts as missing; the shortest real one has 0.06.
 _SHORTEST = 0.02
-"""Share of a leg's length below which a bone counts as missing; the shortest real one has 0.06."""
 
 
 def retarget(

@@ -125,8 +125,8 @@ def representation_named(name: str) -> Representation:
     raise InputError(f"unknown representation {name!r}; {hint(name, representations)}")
 
 
+# Greatest factor by which the median scale, and any block's, may differ from 1 when normalized.
 _TYPICAL, _BLOCK = 3.0, 10.0
-"""Greatest factor by which the median scale, and any block's, may differ from 1 when normalized."""
 
 
 @dataclass(frozen=True, eq=False)

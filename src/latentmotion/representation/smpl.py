@@ -35,8 +35,8 @@ TOKENS = 25
 UPRIGHT = (1.0, -1.0, -1.0)
 """Signs from the camera's axes to upright ones and back: half a turn about x."""
 
+# Entries of a rotation's first two rows; the root trajectory shares the first three.
 _CHANNELS = ("xx", "xy", "xz", "yx", "yy", "yz")
-"""Entries of a rotation's first two rows; the root trajectory shares the first three."""
 
 
 @dataclass(frozen=True, eq=False)

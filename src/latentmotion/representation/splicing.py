@@ -22,11 +22,11 @@ from latentmotion.representation.interface import Representation
 
 Joints = Float[np.ndarray, "frames joints 3"]
 
+# Meters and meters per second below which a foot joint counts as standing at the seam.
 _STANDING_HEIGHT, _STANDING_SPEED = 0.07, 0.4
-"""Meters and meters per second below which a foot joint counts as standing at the seam."""
 
+# Weight of a standing foot joint beside other joints where motions are aligned.
 _STANDING_WEIGHT = 20.0
-"""Weight of a standing foot joint beside other joints where motions are aligned."""
 
 
 @dataclass(frozen=True)

@@ -32,28 +32,28 @@ from latentmotion.retarget.rig import Rig, RigPose, Rotations, SourceCharacter
 
 Points = Float[np.ndarray, "frames 3"]
 
+# Share of its full length to which a leg is stretched at most.
 _STRETCH = 0.998
-"""Share of its full length to which a leg is stretched at most."""
 
+# Share of the leg's length by which hips may be lowered so that feet reach their goals.
 _LOWER = 0.08
-"""Share of the leg's length by which hips may be lowered so that feet reach their goals."""
 
+# Shares of the leg's length: an ankle lifted by less than the first is leveled from side to side,
+# by more than the second it is not; in between the two are blended.
 _LEVEL_HEIGHT = (0.1, 0.3)
-"""Shares of the leg's length: an ankle lifted by less than the first is leveled from side to side,
-by more than the second it is not; in between the two are blended."""
 
+# Shares of the leg's length: toes lifted by less than the first lie flat where the heel rises, by
+# more than the second they do not.
 _TOE_HEIGHT = (0.03, 0.08)
-"""Shares of the leg's length: toes lifted by less than the first lie flat where the heel rises, by
-more than the second they do not."""
 
+# Shares of the leg's length: toes lifted by less than the first lead the foot, by more than the
+# second the ankle does.
 _SWING_HEIGHT = (0.05, 0.2)
-"""Shares of the leg's length: toes lifted by less than the first lead the foot, by more than the
-second the ankle does."""
 
 _MOST_TOE_BEND = np.radians(70)
 
+# A foot that turns farther than this while it stands keeps its own heading.
 _MOST_HELD = np.radians(40)
-"""A foot that turns farther than this while it stands keeps its own heading."""
 
 
 def ground_feet(pose: RigPose, source: SourceCharacter) -> RigPose:

@@ -46,12 +46,12 @@ from latentmotion.retarget.rig_files import RigFile, open_rig
 
 Rotations = Float[np.ndarray, "frames 3 3"]
 
+# Height of the lowest joint above the floor where the file does not say, as a share of the leg's
+# length.
 _SOLE = 0.02
-"""Height of the lowest joint above the floor where the file does not say, as a share of the leg's
-length."""
 
+# Percentile of the frames whose lowest joint is taken to be on the floor of a file.
 _LOWEST = 2.0
-"""Percentile of the frames whose lowest joint is taken to be on the floor of a file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,8 +310,8 @@ def _hung_as_bodies_do(body: Humanoid) -> tuple[Humanoid, tuple[int, ...]]:
     return Humanoid(skeleton, joints, body.names), tuple(order)
 
 
+# Greatest height of a joint that stands, as a share of the leg's length.
 _HIGHEST = {"foot": 0.08, "ankle": 0.2}
-"""Greatest height of a joint that stands, as a share of the leg's length."""
 
 
 @dataclass(frozen=True, eq=False)

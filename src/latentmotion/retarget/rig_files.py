@@ -37,8 +37,8 @@ from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.storage.files import atomic_file
 from latentmotion.storage.reading import blamed_on
 
+# Changes of a rotation or a position up to which a bone counts as resting.
 _STILL = 1e-6
-"""Changes of a rotation or a position up to which a bone counts as resting."""
 
 
 @dataclass(frozen=True, eq=False)

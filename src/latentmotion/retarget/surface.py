@@ -16,8 +16,8 @@ from latentmotion.retarget.rig import Rig
 from latentmotion.retarget.rig_files import GltfFile
 from latentmotion.retarget.transfer import retarget
 
+# Mode of glTF's primitives that are lists of triangles.
 _TRIANGLES = 4
-"""Mode of glTF's primitives that are lists of triangles."""
 
 
 class CharacterFigure:

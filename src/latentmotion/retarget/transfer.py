@@ -55,11 +55,11 @@ from latentmotion.retarget.rig_files import RigTake
 
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
 
+# Greatest difference of offsets between equal skeletons, as a share of the leg's length.
 _SAME = 0.01
-"""Greatest difference of offsets between equal skeletons, as a share of the leg's length."""
 
+# Standard deviation, seconds, of the Gaussian that takes the sway of steps out of the heading.
 _SWAY = 0.25
-"""Standard deviation, seconds, of the Gaussian that takes the sway of steps out of the heading."""
 
 RootMotion = Literal["pelvis", "root", "none"]
 """Target of root motion: the pelvis, the rig's root bone, or nothing (in place)."""

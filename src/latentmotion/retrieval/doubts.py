@@ -36,8 +36,8 @@ NEAR_ENOUGH = 0.8
 SAID_OTHERWISE = 0.85
 """Cosine of the nearest wording from which it is known, too; wordings name more than clips show."""
 
+# Clips that have a word which another is taken for a misspelling of.
 _FREQUENT = 20
-"""Clips that have a word which another is taken for a misspelling of."""
 
 
 class DoubtWarning(UserWarning):

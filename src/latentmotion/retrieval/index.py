@@ -49,11 +49,11 @@ for its sentences. Both are started from however frequent the movement is."""
 ALL_DIRECTIONS = np.zeros((0, 0), np.float32)
 """Directions of an index that keeps embeddings whole."""
 
+# Unpacked size of the largest file: some 5,000 hours of clips.
 _MOST_BYTES = 1 << 28
-"""Unpacked size of the largest file: some 5,000 hours of clips."""
 
+# Limits of what a file may hold.
 _LONGEST_TEXT, _MOST_CLIPS, _MOST_CAPTIONS = 1_000, 100_000, 1_000_000
-"""Limits of what a file may hold."""
 
 
 @dataclass(frozen=True)

@@ -154,8 +154,8 @@ def shown_clips(dataset: Dataset, held_out: Container[str] = frozenset()) -> Ite
 NEAR = 0.7
 """Cosine of pooled embeddings from which two sentences usually name the same movement."""
 
+# Sentences that are compared with all captions together.
 _AT_ONCE = 512
-"""Sentences that are compared with all captions together."""
 
 
 def support(

@@ -51,8 +51,8 @@ NEAR_WORDING, NEAR_CAPTION = 0.7, 0.78
 """Cosine from which a sentence says what a wording does, and from which its own words are near
 enough to those of a caption. Chosen on the acts of benchmarks/quality/acts, by clips in ten."""
 
+# Sentences that are embedded together.
 _AT_ONCE = 512
-"""Sentences that are embedded together."""
 
 
 def in_words_of_captions(

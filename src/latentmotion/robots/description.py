@@ -24,8 +24,8 @@ from jaxtyping import Float
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.kinematics.rotations import matrix_from_euler, matrix_from_quaternion
 
+# Sizes beyond which a file is no description of a robot.
 _MOST_BYTES, _MOST_LINKS, _DEEPEST = 16 * 2**20, 500, 100
-"""Sizes beyond which a file is no description of a robot."""
 
 PARTS = {
     "hip": ("hip", "thigh"),

@@ -35,27 +35,27 @@ from latentmotion.storage.files import atomic_file
 ENDINGS = (".csv", ".npz")
 """Files that motions of robots are written to."""
 
+# Gauss-Newton steps, and the one from which neighbors in time count.
 _STEPS, _SMOOTH_FROM = 6, 3
-"""Gauss-Newton steps, and the one from which neighbors in time count."""
 
+# Radians of a step that is the last.
 _STILL = 0.003
-"""Radians of a step that is the last."""
 
+# Radians by which knees and elbows are bent at first, as a straight one has no direction to go.
 _BENT = 0.3
-"""Radians by which knees and elbows are bent at first, as a straight one has no direction to go."""
 
+# Weights of meters of ankles, thighs and arms, of axes, and of level soles.
 _ANKLE, _THIGH, _ARM, _AXIS, _LEVEL = 4.0, 0.4, 1.0, 0.4, 0.3
-"""Weights of meters of ankles, thighs and arms, of axes, and of level soles."""
 
+# √ε and √σ.
 _ZERO, _SMOOTH = 0.02, 0.15
-"""√ε and √σ."""
 
+# Meters above the lowest point up to which a foot's points are its sole, and how many are kept.
 _BAND, _DIRECTIONS = 0.03, 16
-"""Meters above the lowest point up to which a foot's points are its sole, and how many are kept."""
 
 
+# Parts whose hinges are solved for, beside the waist; all others stay at zero.
 _JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow")
-"""Parts whose hinges are solved for, beside the waist; all others stay at zero."""
 
 
 @dataclass(frozen=True, eq=False)
