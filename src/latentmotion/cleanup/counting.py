@@ -76,7 +76,12 @@ def exact_count(
     if repeated is None or not repeated.full or len(repeated.full) in asked.wanted:
         return cleaned
     for pieces in _arrangements(joints, repeated, asked):
-        spliced, seams = _joined(motion.joints.astype(np.float64), pieces)
+        raw, (start, *others) = motion.joints.astype(np.float64), pieces
+        spliced, seams = raw[start[0] : start[1] + 1], []
+        for first, last in others:
+            seams.append(len(spliced) - 1)
+            piece = raw[first : last + 1]
+            spliced = splice(spliced, piece, _TRANSITION, HUMANML3D_FEATURES, fitted=False)
         candidate = clean(replace(motion, joints=spliced.astype(np.float32)))
         joints = candidate.joints.astype(np.float64)
         fits = [seam_of(joints, seam, fps, skeleton, round(_TRANSITION * fps)) for seam in seams]
@@ -86,17 +91,6 @@ def exact_count(
             about = {**asdict(asked), "made": len(repeated.full)}
             return replace(candidate, metadata={**candidate.metadata, "count": about})
     return cleaned
-
-
-def _joined(joints: Joints, pieces: Pieces) -> tuple[Float[np.ndarray, "made 22 3"], list[int]]:
-    """Returns pieces of a motion one after the other, and the frames of their seams."""
-    (first, last), *others = pieces
-    spliced, seams = joints[first : last + 1], []
-    for first, last in others:
-        seams.append(len(spliced) - 1)
-        piece = joints[first : last + 1]
-        spliced = splice(spliced, piece, _TRANSITION, HUMANML3D_FEATURES, fitted=False)
-    return spliced, seams
 
 
 def _arrangements(joints: Joints, found: Repetitions, asked: Count) -> list[Pieces]:

@@ -488,19 +488,14 @@ def rough_joints(shot: Shot) -> tuple[Joints, Bool[np.ndarray, "frames joints"]]
     observed[:, 0] = True
     if shot.flat:
         return joints, observed
-    seen_near = _seen_near(shot)
+    # Where keypoints were seen within a frame or two.
+    gaps = np.abs(np.arange(frames)[:, None] - shot.positions)
+    seen_near = (gaps <= max(1.0, fps_ratio)).astype(float) @ (shot.weights > 0) > 0
     for k, row in enumerate(matrix):
         if (row == 1).sum() == 1 and np.isfinite(tracks[:, k]).all():
             joint = int(row.argmax())
             joints[:, joint], observed[:, joint] = tracks[:, k], seen_near[:, k]
     return joints, observed
-
-
-def _seen_near(shot: Shot) -> Bool[np.ndarray, "frames keypoints"]:
-    """Returns where keypoints were seen within a frame or two."""
-    gaps = np.abs(np.arange(shot.frames)[:, None] - shot.positions)
-    step = float(np.diff(shot.positions).mean()) if len(shot.positions) > 1 else 1.0
-    return (gaps <= max(1.0, step)).astype(float) @ (shot.weights > 0) > 0
 
 
 def _headings(shot: Shot) -> list[Float[np.ndarray, " frames"]]:

@@ -13,7 +13,6 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 from latentmotion.language.inflection import forms
 from latentmotion.language.kinds import data, kinds
@@ -70,15 +69,11 @@ class Mention:
 @cache
 def acts() -> tuple[ActWords, ...]:
     """Returns the table."""
-    return tuple(map(_act, data("acts.toml")["act"]))
-
-
-def _act(row: Mapping[str, Any]) -> ActWords:
-    values: dict[str, Any] = {"caption": row["kind"], **row}
-    lists: dict[str, Any] = {
-        name: tuple(value) for name, value in values.items() if isinstance(value, list)
-    }
-    return ActWords(**(values | lists))
+    rows = [{"caption": row["kind"], **row} for row in data("acts.toml")["act"]]
+    return tuple(
+        ActWords(**{n: tuple(v) if isinstance(v, list) else v for n, v in row.items()})
+        for row in rows
+    )
 
 
 @cache

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from math import pi
 from types import MappingProxyType
 from typing import Any
@@ -42,10 +42,16 @@ class HumanML3DRepresentation(Representation):
     still: float
     """A foot is in contact where its squared step is below this."""
 
-    @property
+    @cached_property
     def blocks(self) -> Mapping[str, slice]:
         """The range of each block of features, by name."""
-        return _layout(len(self.skeleton))
+        joints = len(self.skeleton)
+        widths = {"yaw_velocity": 1, "root_velocity": 2, "root_height": 1}
+        widths |= {"positions": 3 * (joints - 1), "rotations": 6 * (joints - 1)}
+        widths |= {"velocities": 3 * joints, "contacts": 4}
+        ends = np.cumsum(list(widths.values())).tolist()
+        pairs = zip(widths.items(), ends, strict=True)
+        return MappingProxyType({name: slice(end - width, end) for (name, width), end in pairs})
 
     def retarget(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
         """Gives a body of any size the canonical bone lengths and scales its path likewise."""
@@ -143,17 +149,6 @@ class HumanML3DRepresentation(Representation):
             sources.extend(every[self.blocks[name]].reshape(len(order), -1)[order].ravel().tolist())
             signs.extend(sign * len(order))
         return sources, np.array(signs, dtype=np.float32)
-
-
-@cache
-def _layout(joints: int) -> Mapping[str, slice]:
-    widths = {"yaw_velocity": 1, "root_velocity": 2, "root_height": 1}
-    widths |= {"positions": 3 * (joints - 1), "rotations": 6 * (joints - 1)}
-    widths |= {"velocities": 3 * joints, "contacts": 4}
-    ends = np.cumsum(list(widths.values())).tolist()
-    return MappingProxyType(
-        {name: slice(end - widths[name], end) for name, end in zip(widths, ends, strict=True)}
-    )
 
 
 HUMANML3D_FEATURES = HumanML3DRepresentation(

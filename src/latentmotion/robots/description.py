@@ -233,7 +233,8 @@ class _Mujoco:
     def links(self) -> Iterator[Link]:
         """Yields the links of the first body that moves freely, or else of the first body."""
         bodies = [b for world in self.sections.get("worldbody", []) for b in world.findall("body")]
-        free = [b for b in bodies if b.find("freejoint") is not None or _is_free(b)]
+        marks = ("freejoint", "joint[@type='free']")
+        free = [b for b in bodies if any(b.find(mark) is not None for mark in marks)]
         if not bodies:
             raise FileFormatError(self.source, "no body in <worldbody>")
         yield from self._body((free or bodies)[0], -1, "main", 0)
@@ -306,10 +307,6 @@ class _Mujoco:
             points = _corners(half.get(kind, size[0]))
         turned = points @ self._rotation(geom).T
         return turned + _numbers(geom.get("pos"), "0 0 0")
-
-
-def _is_free(body: ET.Element) -> bool:
-    return any(joint.get("type") == "free" for joint in body.findall("joint"))
 
 
 def _corners(half: object) -> Float[np.ndarray, "8 3"]:

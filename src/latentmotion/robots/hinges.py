@@ -352,7 +352,8 @@ class _Body:
             gradient = (columns @ residual[..., None])[..., 0] + _ZERO**2 * q
             diagonal = np.full(q.shape[1], _ZERO**2)
             if step >= _SMOOTH_FROM:
-                gradient += _SMOOTH**2 * (q - _smoothed(q))
+                padded = np.concatenate([q[:1], q, q[-1:]])
+                gradient += _SMOOTH**2 * (q - (padded[:-2] + padded[2:]) / 2)
                 diagonal += _SMOOTH**2
             held = ((q <= self.low) & (gradient > 0)) | ((q >= self.high) & (gradient < 0))
             free = ~held
@@ -365,9 +366,7 @@ class _Body:
         return q, float(np.linalg.norm(error, axis=1).mean())
 
 
-@lru_cache(8)
-def _body(robot: Robot) -> _Body:
-    return _Body(robot)
+_body = lru_cache(8)(_Body)
 
 
 def _frame(left: np.ndarray, up: np.ndarray) -> Float[np.ndarray, "frames 3 3"]:
@@ -393,8 +392,3 @@ def _feet(
         lowest += [toe[:, 2], ankle[:, 2] + np.median(foot[flat, 2])]
     heights = np.min(lowest, axis=0)
     return directions, np.maximum(heights - np.quantile(heights, 0.05), 0)
-
-
-def _smoothed(q: Float[np.ndarray, "frames hinges"]) -> Float[np.ndarray, "frames hinges"]:
-    padded = np.concatenate([q[:1], q, q[-1:]])
-    return (padded[:-2] + padded[2:]) / 2
