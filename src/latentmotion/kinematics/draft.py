@@ -109,9 +109,7 @@ class _Tree:
 
     def __init__(self, skeleton: Skeleton) -> None:
         self.skeleton, self.rest = skeleton, skeleton.rest_joints()
-        self.lines: list[list[int]] = []
-        for joint, parent in enumerate(skeleton.parents):
-            self.lines.append([*(self.lines[parent] if parent >= 0 else []), joint])
+        self.lines = [list(line[::-1]) for line in skeleton.lines]
         self.tips = [joint for joint in range(len(skeleton)) if not skeleton.children(joint)]
         size = np.ptp(self.rest, axis=0)
         # The vertical is y or z, whichever the figure extends along, unless it lies along x.

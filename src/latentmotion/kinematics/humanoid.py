@@ -7,7 +7,7 @@ Names are looked up in `bone_names.py`; the tree gives pelvis, chest, spine and 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
 from pathlib import Path
@@ -59,14 +59,8 @@ class Humanoid:
     """Our name → the joint's index."""
     names: str = "a map"
     """Naming convention, for messages."""
-    lines: tuple[tuple[int, ...], ...] = field(init=False, repr=False)
-    """For each joint itself and its ancestors, upward."""
 
     def __post_init__(self) -> None:
-        lines: list[tuple[int, ...]] = []
-        for joint, parent in enumerate(self.skeleton.parents):
-            lines.append((joint, *(lines[parent] if parent >= 0 else ())))
-        object.__setattr__(self, "lines", tuple(lines))
         names = self.skeleton.names
         missing = [name for name in REQUIRED if name not in self.joints]
         if missing:
@@ -86,6 +80,11 @@ class Humanoid:
                         f"{lower} ({names[b]!r}) does not hang on {upper} ({names[a]!r}); "
                         "correct the map of joints"
                     )
+
+    @property
+    def lines(self) -> tuple[tuple[int, ...], ...]:
+        """For each joint of the skeleton itself, its parent and so on up to the root."""
+        return self.skeleton.lines
 
     @cached_property
     def rehung(self) -> dict[int, int]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,14 @@ class Skeleton:
         other = {"left": "right", "right": "left"}
         mirrored = [re.sub("^(left|right)", lambda m: other[m[0]], name) for name in self.names]
         return tuple(self.names.index(name) for name in mirrored)
+
+    @cached_property
+    def lines(self) -> tuple[tuple[int, ...], ...]:
+        """For each joint itself, its parent and so on up to the root."""
+        lines: list[tuple[int, ...]] = []
+        for joint, parent in enumerate(self.parents):
+            lines.append((joint, *(lines[parent] if parent >= 0 else ())))
+        return tuple(lines)
 
     def children(self, joint: int) -> tuple[int, ...]:
         """Returns the joints whose parent is `joint`."""
