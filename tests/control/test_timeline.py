@@ -155,7 +155,7 @@ def test_a_scene_may_hold_a_timeline_instead_of_a_prompt(tmp_path: Path) -> None
     scene = tmp_path / "scene.json"
     spans = [{"prompt": WALK, "seconds": 2}, {"prompt": SIT}]
     scene.write_text(json.dumps({"format": 1, "timeline": spans}))
-    assert read_scene(scene).spans() == [Span(WALK, 2.0), Span(SIT)]
+    assert read_scene(scene).timeline == (Span(WALK, 2.0), Span(SIT))
     for key, value in (("prompt", "a"), ("seconds", 3), ("headings", [{"at": 1, "degrees": 0}])):
         scene.write_text(json.dumps({"format": 1, "timeline": spans, key: value}))
         with pytest.raises(InputError, match="a timeline has no prompt, length or goals"):
@@ -235,7 +235,7 @@ def test_a_scene_may_hold_parts(tmp_path: Path) -> None:
     scene = tmp_path / "scene.json"
     written = {"format": 1, "timeline": [{"prompt": WALK}], "timeline_parts": [vars(WAVE)]}
     scene.write_text(json.dumps(written))
-    assert read_scene(scene).part_spans() == [WAVE]
+    assert read_scene(scene).timeline_parts == (WAVE,)
     del written["timeline"]
     scene.write_text(json.dumps(written))
     with pytest.raises(InputError, match="timeline_parts needs a timeline"):
