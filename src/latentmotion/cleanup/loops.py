@@ -55,13 +55,13 @@ def unrolled(motion: Motion, before: int, after: int) -> Motion:
         after: Turns after it.
     """
     angle, step = turn_of(motion)
-    one, start = motion.joints[:-1].astype(np.float64), motion.joints[0, 0] * (1.0, 0.0, 1.0)
+    cycle, start = motion.joints[:-1].astype(np.float64), motion.joints[0, 0] * (1.0, 0.0, 1.0)
     places = {0: start}
     for number in range(1, max(before, after) + 1):
         places[number] = places[number - 1] + turn(step, np.array((number - 1) * angle))
         places[-number] = places[1 - number] - turn(step, np.array(-number * angle))
     turns = [
-        turn(one - start, np.array(number * angle)) + places[number]
+        turn(cycle - start, np.array(number * angle)) + places[number]
         for number in range(-before, after + 1)
     ]
     about = {name: it for name, it in motion.metadata.items() if name != "loop"}
@@ -87,8 +87,8 @@ def seam_acceleration(loop: Motion) -> float:
     """Returns the greatest acceleration of a joint at a seam, seen from the body, m/s²."""
     joints, count = unrolled(loop, 1, 1).joints.astype(np.float64), len(loop) - 1
     facing = np.unwrap(heading(joints, loop.skeleton))
-    seen = turn(joints - joints[:, :1] * (1, 0, 1), -facing[:, None])[count - 3 : count + 4]
-    return float(np.linalg.norm(np.diff(seen, n=2, axis=0), axis=-1).max()) * loop.fps**2
+    around = turn(joints - joints[:, :1] * (1, 0, 1), -facing[:, None])[count - 3 : count + 4]
+    return float(np.linalg.norm(np.diff(around, n=2, axis=0), axis=-1).max()) * loop.fps**2
 
 
 def _as_smooth(loop: Motion, most: float) -> Motion:

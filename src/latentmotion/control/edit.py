@@ -399,9 +399,9 @@ def _aligned(
         at_end: Whether the last frames of the part count, or its first.
     """
     few = slice(-2, None) if at_end else slice(0, 2)
-    own, other = part[few].reshape(-1, 3), goal[few].reshape(-1, 3)
-    center, place = own.mean(axis=0), other.mean(axis=0)
-    a, b = own - center, other - place
+    points, other = part[few].reshape(-1, 3), goal[few].reshape(-1, 3)
+    center, place = points.mean(axis=0), other.mean(axis=0)
+    a, b = points - center, other - place
     angle = np.arctan2(
         (a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]).sum(), (a[:, 0] * b[:, 0] + a[:, 2] * b[:, 2]).sum()
     )

@@ -97,7 +97,7 @@ def parse_state(text: str) -> State:
     Raises:
         InputError: It is none of these.
     """
-    name, own, sentence = (part.strip() for part in text.partition("="))
+    name, equals, sentence = (part.strip() for part in text.partition("="))
     name, at, speed = (part.strip() for part in name.partition("@"))
     words = name.split()
     try:
@@ -110,12 +110,12 @@ def parse_state(text: str) -> State:
     loops = sentence.startswith("loop:")
     prompt = sentence.removeprefix("loop:").strip()
     key = name if degrees is None else " ".join(words[:2])
-    if not own and key not in KNOWN:
+    if not equals and key not in KNOWN:
         raise InputError(
             f"state {text!r} is unknown: {hint(key, KNOWN)}; or say what the person does: "
             f"'{name}=a person …', '{name}=loop:a person …'"
         )
-    if not own:
+    if not equals:
         prompt, loops = KNOWN[key]
     if not name or not prompt:
         raise InputError(f"state {text!r}: expected a name and a sentence, NAME=SENTENCE")
@@ -175,8 +175,8 @@ def generate_states(
         about = {"state": state.name, "speed": round(_speed(clip), 4)}
         about["degrees"] = round(float(np.degrees(_turned(clip))), 2)
         about["events"] = contact_events(clip)
-        kept = {key: it for key, it in clip.metadata.items() if key not in ("goals", "best_of")}
-        clips.append(replace(clip, caption=state.prompt, metadata={**kept, **about}))
+        other = {key: it for key, it in clip.metadata.items() if key not in ("goals", "best_of")}
+        clips.append(replace(clip, caption=state.prompt, metadata={**other, **about}))
     return clips
 
 
@@ -204,10 +204,10 @@ def _traveling_loop(
     begun = [_from(loop, _steps(loop)[1]) for loop in timed if loop is not None]
     loops = [_placed(_on_body(loop, body)) for loop in begun]
     if not loops:
-        wanted = "" if state.speed is None else f" at {state.speed:g} m/s"
+        pace = "" if state.speed is None else f" at {state.speed:g} m/s"
         raise InputError(
             f"state {state.name!r}: none of {len(_LENGTHS) * takes} loops of {state.prompt!r} has "
-            f"{_CYCLES} steps of each foot{wanted}; choose another speed, seed or sentence"
+            f"{_CYCLES} steps of each foot{pace}; choose another speed, seed or sentence"
         )
     return min(loops, key=lambda loop: sliding_in_contact(loop) + _roughness(loop))
 
@@ -227,10 +227,10 @@ def _move(generator: TakesGenerator, state: State, start: Motion, seed: int) -> 
     goals = [Pose(0.0, start)]
     goals.append(Pose(seconds - 1 / free.fps, replace(start, joints=end.astype(np.float32))))
     try:
-        made = generator(state.prompt, seconds, seed, goals=goals)
+        posed = generator(state.prompt, seconds, seed, goals=goals)
     except InputError as error:
         raise InputError(f"state {state.name!r}, {state.prompt!r}: {error}") from error
-    return at_goals(_on_body(made, start), goals)
+    return at_goals(_on_body(posed, start), goals)
 
 
 def _on_body(motion: Motion, body: Motion) -> Motion:
@@ -291,8 +291,8 @@ def _at_speed(loop: Motion, speed: float) -> Motion | None:
     frames = 2 * max(round(count * factor / 2), 2)  # an even number falls on 30 frames per second
     timed = loop.resampled(loop.fps * frames / count)
     step = turn_of(timed)[1]
-    wanted = step / np.linalg.norm(step) * speed * frames / loop.fps
-    return _advancing(replace(timed, fps=loop.fps), wanted)
+    stride = step / np.linalg.norm(step) * speed * frames / loop.fps
+    return _advancing(replace(timed, fps=loop.fps), stride)
 
 
 def _steps(loop: Motion) -> tuple[int, int]:

@@ -78,8 +78,8 @@ def generate_stream(
     ) -> tuple[Float[np.ndarray, "frames joints 3"], StreamState]:
         request = GenerationRequest((prompt,), (STRIDE * CALL,), (seed,), sampling)
         request.check(generator.card, space.fps)
-        known = known_latents_of(generator, request)
-        return advanced(state, known, motion, space, sees, seed)
+        sample_known = known_latents_of(generator, request)
+        return advanced(state, sample_known, motion, space, sees, seed)
 
     first = state or StreamState.start(generator.card.latents.width)
     return MotionStream(prompt, seed, first, advance, space)
@@ -120,8 +120,8 @@ def generate_loop(
     request = GenerationRequest((prompt,), (STRIDE * tokens,), (seed,), sampling)
     request.check(generator.card, space.fps)
     z = latents_of(generator, request)(STRIDE * tokens, lambda clean: clean)
-    known = known_latents_of(generator, request)
-    features = looped(z, known, motion, margin_of(generator), seed)
+    sample_known = known_latents_of(generator, request)
+    features = looped(z, sample_known, motion, margin_of(generator), seed)
     if straight:  # what it turns by is given back evenly
         yaw = space.blocks["yaw_velocity"]
         features[:, yaw] -= features[:, yaw].mean(axis=0)
@@ -146,8 +146,8 @@ def decode_in_windows(
     for start in range(0, len(z), window):
         first, last = max(0, start - sees), min(len(z), start + window + sees)
         features = motion(STRIDE * (last - first)).decode(z[first:last])
-        kept = min(window, len(z) - start)
-        pieces.append(features[STRIDE * (start - first) :][: STRIDE * kept])
+        size = min(window, len(z) - start)
+        pieces.append(features[STRIDE * (start - first) :][: STRIDE * size])
     return np.concatenate(pieces)
 
 
@@ -221,10 +221,10 @@ def advanced(
     """
     width = state.latents.shape[1]
     count = min(KNOWN, len(state.latents))
-    known = np.zeros((CALL, width))
-    known[:count] = state.latents[len(state.latents) - count :]
+    window = np.zeros((CALL, width))
+    window[:count] = state.latents[len(state.latents) - count :]
     draw = int(np.random.SeedSequence([seed, state.calls]).generate_state(1)[0])
-    fresh = sample(known, np.arange(CALL) < count, draw)[count:]
+    fresh = sample(window, np.arange(CALL) < count, draw)[count:]
     latents = np.concatenate([state.latents, fresh])
     ready = len(latents) - LOOK_AHEAD
     features = motion(STRIDE * len(latents)).decode(latents)
@@ -316,9 +316,9 @@ def looped(
     count, half = len(z), len(z) // 2
     seam = min(_SEAM, count // 2)
     rolled = np.roll(z, half, axis=0)
-    known = np.ones(count, bool)
-    known[half - seam // 2 : half - seam // 2 + seam] = False
-    z = np.roll(sample(rolled, known, seed), -half, axis=0)
+    is_known = np.ones(count, bool)
+    is_known[half - seam // 2 : half - seam // 2 + seam] = False
+    z = np.roll(sample(rolled, is_known, seed), -half, axis=0)
     turns = -(-sees // count)
     whole = motion(STRIDE * count * (2 * turns + 1)).decode(np.tile(z, (2 * turns + 1, 1)))
     return whole[STRIDE * count * turns :][: STRIDE * count]

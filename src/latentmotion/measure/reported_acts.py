@@ -132,7 +132,7 @@ def _alternating(events: list[Event]) -> list[Event]:
             run.append(event)
             continue
         if len(run) >= 3 and run[0].kind in ("kick", "knee", "punch"):
-            count, end = sum(repeat.count for repeat in run), max(one.end for one in run)
+            count, end = sum(repeat.count for repeat in run), max(repeat.end for repeat in run)
             joined.append(replace(run[0], end=end, side=BOTH, direction="", count=count))
         else:
             joined += run

@@ -208,9 +208,9 @@ def thinned(index: ClipIndex) -> ClipIndex:
         if caption.support > SUPPORT:
             frequent.setdefault(caption.text, row)
             continue
-        own = rare[caption.clip]
-        if not own or float((vectors[own] @ vectors[row]).max()) < SAME_OF_CLIP:
-            own.append(row)
+        rows_of_clip = rare[caption.clip]
+        if not rows_of_clip or float((vectors[rows_of_clip] @ vectors[row]).max()) < SAME_OF_CLIP:
+            rows_of_clip.append(row)
     numbers = sorted(
         [*(row for rows in rare.values() for row in rows), *_spread(vectors, [*frequent.values()])]
     )

@@ -218,13 +218,13 @@ class _Mujoco:
                 self.sections.setdefault(child.tag, []).append(child)
 
     def _inherit(self, default: ET.Element, above: dict[str, dict[str, str]]) -> None:
-        name, own = default.get("class", "main"), {tag: dict(v) for tag, v in above.items()}
+        name, inherited = default.get("class", "main"), {tag: dict(v) for tag, v in above.items()}
         for child in default:
             if child.tag != "default":
-                own.setdefault(child.tag, {}).update(child.attrib)
-        self.defaults |= {(name, tag): values for tag, values in own.items()}
+                inherited.setdefault(child.tag, {}).update(child.attrib)
+        self.defaults |= {(name, tag): values for tag, values in inherited.items()}
         for child in default.findall("default"):
-            self._inherit(child, own)
+            self._inherit(child, inherited)
 
     def _full(self, element: ET.Element, kind: str) -> dict[str, str]:
         usual = self.defaults.get((element.get("class", kind), element.tag), {})
