@@ -69,11 +69,10 @@ class Mention:
 @cache
 def acts() -> tuple[ActWords, ...]:
     """Returns the table."""
-    rows = [{"caption": row["kind"], **row} for row in data("acts.toml")["act"]]
-    return tuple(
-        ActWords(**{n: tuple(v) if isinstance(v, list) else v for n, v in row.items()})
-        for row in rows
-    )
+    rows: list[dict[str, Any]] = [{"caption": r["kind"], **r} for r in data("acts.toml")["act"]]
+    for row in rows:
+        row |= {name: tuple(value) for name, value in row.items() if isinstance(value, list)}
+    return tuple(ActWords(**row) for row in rows)
 
 
 @cache
