@@ -40,12 +40,12 @@ from latentmotion.kinematics.skeleton import BODY, HUMANML3D, Animation, Skeleto
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.retarget.rig import Rig, make_rig
-from latentmotion.retarget.rig_files import RigTake
+from latentmotion.retarget.rig_files import RigFile, RigTake
 from latentmotion.retarget.transfer import retarget
 
 
 @dataclass(frozen=True, eq=False)
-class RequestedRig:
+class RequestedRig(RigFile):
     """The skeleton of a request, as `make_rig` reads rig files."""
 
     skeleton: Skeleton
@@ -54,21 +54,8 @@ class RequestedRig:
     """Rotations of its joints in the world at rest."""
     root: Float[np.ndarray, " 3"]
     """Rest position of the root, meters."""
-    path: Path = Path("the request's skeleton")
-    unit: float | None = 1.0
-    animation: Animation | None = None
-    mirrored: bool = False
-    endings: tuple[str, ...] = ()
 
-    @property
-    def declared(self) -> dict[str, int]:
-        """Nothing is declared; joints are found by their names."""
-        return {}
-
-    @property
-    def movable(self) -> frozenset[int]:
-        """The root alone."""
-        return frozenset({0})
+    path, unit, movable, endings = Path("the request's skeleton"), 1.0, frozenset({0}), ()
 
     def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:
         """Writes nothing: the answer is made by the protocol."""
