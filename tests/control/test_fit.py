@@ -8,7 +8,7 @@ import pytest
 from latentmotion import Motion, MotionPipeline
 from latentmotion.control.edit import generate_edited
 from latentmotion.control.fit_keypoints import (
-    Shot,
+    Capture,
     body_scale,
     fit_motion,
     unlikeliness,
@@ -177,11 +177,11 @@ def test_nothing_seen_for_a_whole_window_is_told(
 
 def test_frames_of_a_window_are_counted_from_its_start(walk: np.ndarray) -> None:
     keypoints = Keypoints(walk, np.ones(walk.shape[:2]), 40.0, NAMES)
-    shot = Shot.of(keypoints, 20.0, 0.01)
-    assert shot.frames == 20
-    window = shot.window(5, 8)
+    capture = Capture.of(keypoints, 20.0, 0.01)
+    assert capture.frames == 20
+    window = capture.window(5, 8)
     np.testing.assert_allclose(window.positions, np.arange(15) / 2)
-    np.testing.assert_array_equal(window.points, shot.points[10:25])
+    np.testing.assert_array_equal(window.points, capture.points[10:25])
 
 
 # Parts of the body

@@ -129,37 +129,37 @@ def fit_motion(
             "models of HumanML3D's joints, such as fast"
         )
     shortest, longest = generator.card.frames
-    shot = Shot.of(keypoints, space.fps, noise)
+    capture = Capture.of(keypoints, space.fps, noise)
     length = min(_WINDOW, longest)
     pieces, about = [], []
-    for start in range(0, max(1, shot.frames - _OVERLAP), max(1, length - _OVERLAP)):
-        frames = min(length, shot.frames - start)
-        window = shot.window(start, max(frames, shortest))
+    for start in range(0, max(1, capture.frames - _OVERLAP), max(1, length - _OVERLAP)):
+        frames = min(length, capture.frames - start)
+        window = capture.window(start, max(frames, shortest))
         joints, facts = _fitted_window(window, motion(window.frames))
         # A camera and the floor stay: later windows take them from those before.
-        shot = replace(shot, pitch=facts["pitch"], floor=facts["floor"])
+        capture = replace(capture, pitch=facts["pitch"], floor=facts["floor"])
         pieces.append((start, joints[:frames]))
         about.append(facts)
-    joints, pitch = _joined(pieces, shot.frames), about[0]["pitch"]
-    if shot.flat:
+    joints, pitch = _joined(pieces, capture.frames), about[0]["pitch"]
+    if capture.flat:
         # From the camera's axes to the floor: the motion starts above the origin.
         joints = tilt(joints, -pitch)
         joints -= [joints[0, 0, 0], np.percentile(joints[..., 1].min(axis=1), 10), joints[0, 0, 2]]
     notes: dict[str, Any] = {
-        "noise": round(float(np.mean([window["noise"] for window in about])) / shot.scale, 4),
+        "noise": round(float(np.mean([window["noise"] for window in about])) / capture.scale, 4),
         "dropped": round(float(np.mean([window["dropped"] for window in about])), 4),
-        "scale": round(shot.scale, 4),
+        "scale": round(capture.scale, 4),
     }
-    if shot.flat:
-        notes["camera"] = {"focal": shot.focal, "pitch": round(float(np.degrees(pitch)), 2)}
+    if capture.flat:
+        notes["camera"] = {"focal": capture.focal, "pitch": round(float(np.degrees(pitch)), 2)}
     card = generator.card
     metadata = {"model": card.name, **card.terms(), "fit": notes}
-    joints = (joints / shot.scale).astype(np.float32)
+    joints = (joints / capture.scale).astype(np.float32)
     return Motion(joints, space.fps, space.skeleton, "", metadata)
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class Capture:
     """A whole recording in the model's frames and size."""
 
     points: Float[np.ndarray, "observed keypoints coordinates"]
@@ -186,7 +186,7 @@ class Shot:
     """Height of the floor, meters, once it is known."""
 
     @classmethod
-    def of(cls, keypoints: Keypoints, fps: float, noise: float | None) -> Shot:
+    def of(cls, keypoints: Keypoints, fps: float, noise: float | None) -> Capture:
         """Returns a recording in the model's frames.
 
         Raises:
@@ -223,7 +223,7 @@ class Shot:
         """True where the points are a camera's."""
         return self.depth is not None
 
-    def window(self, start: int, frames: int) -> Shot:
+    def window(self, start: int, frames: int) -> Capture:
         """Returns so many frames from a frame on."""
         inside = (self.positions >= start) & (self.positions <= start + frames - 1)
         return replace(
@@ -334,36 +334,36 @@ def _smoothed(
     return np.stack([np.interp(times, times[supported], row[supported]) for row in means.T], axis=1)
 
 
-def _fitted_window(shot: Shot, motion: DecodedMotion) -> tuple[Joints, dict[str, float]]:
+def _fitted_window(capture: Capture, motion: DecodedMotion) -> tuple[Joints, dict[str, float]]:
     """Returns the joints of one window where the tracker sees them, and what was found."""
-    observation, width = shot.observation(), latent_width(motion)
-    if not (shot.weights > 0).any():
+    observation, width = capture.observation(), latent_width(motion)
+    if not (capture.weights > 0).any():
         raise InputError(
-            f"nothing was seen for {shot.frames / motion.representation.fps:.1f} s: cut the "
+            f"nothing was seen for {capture.frames / motion.representation.fps:.1f} s: cut the "
             "recording there"
         )
-    noise = float(np.hypot(shot.noise, _EXPRESSED))
+    noise = float(np.hypot(capture.noise, _EXPRESSED))
     candidates = []
-    for yaw, floor in product(_headings(shot), _floors(shot)):
-        start = _start(shot, motion, yaw, floor)
-        value, p = _refined(observation, motion, start, noise, 30 if shot.flat else 100)
+    for yaw, floor in product(_headings(capture), _floors(capture)):
+        start = _start(capture, motion, yaw, floor)
+        value, p = _refined(observation, motion, start, noise, 30 if capture.flat else 100)
         candidates.append((value * (1.0 if floor else _COMMON), p))
     _, p = min(candidates, key=lambda found: found[0])
     joints = _placed(motion, p, width)
     off = np.linalg.norm(observation.missing(joints), axis=-1)
-    visible = shot.weights > 0
+    visible = capture.weights > 0
     # Medians of the lengths of normal vectors of deviation 1 in three and two dimensions.
-    spread = float(np.median(off[visible])) / (1.177 if shot.flat else 1.538)
+    spread = float(np.median(off[visible])) / (1.177 if capture.flat else 1.538)
     noise = float(np.clip(spread, 0.5 * _EXPRESSED, _MOST_NOISE))
     inliers = off < _OUTLIER * noise
-    observation = replace(observation, weights=shot.weights * inliers)
+    observation = replace(observation, weights=capture.weights * inliers)
     _, p = _refined(observation, motion, p, noise, 80)
     joints = _placed(motion, p, width)
-    if not shot.flat:
-        joints = joints + _detail(observation, joints, shot.noise)
+    if not capture.flat:
+        joints = joints + _detail(observation, joints, capture.noise)
         joints = _bridged(observation, joints, motion.representation.fps)
     dropped = float((visible & ~inliers).sum() / visible.sum())
-    facts = {"noise": shot.noise, "dropped": dropped}
+    facts = {"noise": capture.noise, "dropped": dropped}
     return joints, facts | {"floor": float(p[-3]), "pitch": float(p[-1])}
 
 
@@ -413,19 +413,19 @@ def _placed(motion: DecodedMotion, p: Float[np.ndarray, " numbers"], width: int)
 
 
 def _start(
-    shot: Shot, motion: DecodedMotion, yaw: Float[np.ndarray, " frames"], floor: float
+    capture: Capture, motion: DecodedMotion, yaw: Float[np.ndarray, " frames"], floor: float
 ) -> Float[np.ndarray, " numbers"]:
     """Returns latents and placement to begin with, from smoothed keypoints.
 
     Args:
-        shot: What was seen.
+        capture: What was seen.
         motion: The motion as a function of its latents.
         yaw: Heading of the body in each frame.
         floor: Its height, meters.
     """
     space = motion.representation
     assert isinstance(space, HumanML3DRepresentation)
-    joints, observed = rough_joints(shot)
+    joints, observed = rough_joints(capture)
     place = np.array([joints[0, 0, 0], floor, joints[0, 0, 2]])
     local = turn(joints - place, -yaw[:1, None])
     local = np.concatenate([local, 2 * local[-1:] - local[-2:-1]])
@@ -435,14 +435,14 @@ def _start(
     weights = np.ones(features.shape)
     weights[:, space.blocks["positions"]] = np.repeat(observed[:, 1:], 3, axis=1)
     z = fit_features(motion, features, weights, 0.2, 30)
-    return np.concatenate([z.ravel(), yaw[:1], place, [shot.pitch or 0.0]])
+    return np.concatenate([z.ravel(), yaw[:1], place, [capture.pitch or 0.0]])
 
 
-def _floors(shot: Shot) -> list[float]:
+def _floors(capture: Capture) -> list[float]:
     """Returns heights of the floor to begin with: one, or those that are as likely."""
-    joints, observed = rough_joints(shot)
+    joints, observed = rough_joints(capture)
     high = joints[:, 0, 1]
-    if shot.flat:
+    if capture.flat:
         return [float(np.median(high)) - 0.9]
     parts = {
         HUMANML3D.names[joint].split("_")[-1] for joint in np.flatnonzero(observed.any(axis=0))
@@ -450,47 +450,53 @@ def _floors(shot: Shot) -> list[float]:
     lowest = float(np.percentile(joints[:, observed.any(axis=0), 1], 2))
     if parts & {"ankle", "foot"}:
         return [lowest]
-    if shot.floor is not None:
-        return [shot.floor]
+    if capture.floor is not None:
+        return [capture.floor]
     # Somebody stands for a while at least; or sits or lies, and the floor is at 0.
     standing = lowest - _KNEE if "knee" in parts else float(np.percentile(high, 80)) - _PELVIS
     near = abs(standing) < 0.1 or not 0 < standing + _PELVIS < 1.4
     return [standing] if near else [standing, 0.0]
 
 
-def rough_joints(shot: Shot) -> tuple[Joints, Bool[np.ndarray, "frames joints"]]:
+def rough_joints(capture: Capture) -> tuple[Joints, Bool[np.ndarray, "frames joints"]]:
     """Returns smoothed joints in each frame, and which were seen; others are at the pelvis."""
-    fps_ratio = float(np.diff(shot.positions).mean()) if len(shot.positions) > 1 else 1.0
+    fps_ratio = float(np.diff(capture.positions).mean()) if len(capture.positions) > 1 else 1.0
     width = max(1.2, 0.6 * fps_ratio)
-    points = shot.points
-    if shot.depth is not None:
-        flat = points * shot.depth[:, None, None]
-        ahead = np.broadcast_to(shot.depth[:, None, None], (*flat.shape[:2], 1))
+    points = capture.points
+    if capture.depth is not None:
+        flat = points * capture.depth[:, None, None]
+        ahead = np.broadcast_to(capture.depth[:, None, None], (*flat.shape[:2], 1))
         points = np.concatenate([-flat, ahead], axis=-1)
-    matrix, frames = joint_weights(shot.names), shot.frames
-    tracks = np.full((frames, len(shot.names), 3), np.nan)
-    for k in np.flatnonzero((shot.weights > 0).any(axis=0)):
-        visible = shot.weights[:, k] > 0
+    matrix, frames = joint_weights(capture.names), capture.frames
+    tracks = np.full((frames, len(capture.names), 3), np.nan)
+    for k in np.flatnonzero((capture.weights > 0).any(axis=0)):
+        visible = capture.weights[:, k] > 0
         tracks[:, k] = _smoothed(
-            points[visible, k], shot.weights[visible, k], shot.positions[visible], width, frames
+            points[visible, k],
+            capture.weights[visible, k],
+            capture.positions[visible],
+            width,
+            frames,
         )
-    hips, shoulders = (_middle(tracks, shot.names, f"mid_{part}") for part in ("hip", "shoulder"))
+    hips, shoulders = (
+        _middle(tracks, capture.names, f"mid_{part}") for part in ("hip", "shoulder")
+    )
     whole = np.nanmean(tracks, axis=1)
     pelvis = np.where(
         np.isfinite(hips), hips + np.array([0, _ABOVE_HIPS, 0]), shoulders - np.array([0, 0.5, 0])
     )
     pelvis = np.where(np.isfinite(pelvis), pelvis, whole)
-    if "pelvis" in shot.names:
-        track = tracks[:, shot.names.index("pelvis")]
+    if "pelvis" in capture.names:
+        track = tracks[:, capture.names.index("pelvis")]
         pelvis = np.where(np.isfinite(track), track, pelvis)
     joints = np.repeat(pelvis[:, None], len(HUMANML3D), axis=1)
     observed = np.zeros(joints.shape[:2], bool)
     observed[:, 0] = True
-    if shot.flat:
+    if capture.flat:
         return joints, observed
     # Where keypoints were seen within a frame or two.
-    gaps = np.abs(np.arange(frames)[:, None] - shot.positions)
-    seen_near = (gaps <= max(1.0, fps_ratio)).astype(float) @ (shot.weights > 0) > 0
+    gaps = np.abs(np.arange(frames)[:, None] - capture.positions)
+    seen_near = (gaps <= max(1.0, fps_ratio)).astype(float) @ (capture.weights > 0) > 0
     for k, row in enumerate(matrix):
         if (row == 1).sum() == 1 and np.isfinite(tracks[:, k]).all():
             joint = int(row.argmax())
@@ -498,45 +504,45 @@ def rough_joints(shot: Shot) -> tuple[Joints, Bool[np.ndarray, "frames joints"]]
     return joints, observed
 
 
-def _headings(shot: Shot) -> list[Float[np.ndarray, " frames"]]:
+def _headings(capture: Capture) -> list[Float[np.ndarray, " frames"]]:
     """Returns the headings of the body to begin with: one, or those that are as likely."""
-    across = _across(shot, _TRUNK, 2.0)
-    if not shot.flat:
+    across = _across(capture, _TRUNK, 2.0)
+    if not capture.flat:
         if across.any():
             return [_heading_of(-across[:, 0], across[:, 2])]
-        across = _across(shot, _SIDES, 10.0)
+        across = _across(capture, _SIDES, 10.0)
         headings = [_heading_of(-across[:, 0], across[:, 2])] if across.any() else []
-        headings += _headings_of_path(shot)
-        return headings or [np.full(shot.frames, yaw) for yaw in np.arange(4) * np.pi / 2]
-    assert shot.depth is not None
+        headings += _headings_of_path(capture)
+        return headings or [np.full(capture.frames, yaw) for yaw in np.arange(4) * np.pi / 2]
+    assert capture.depth is not None
     # In the picture the right side is at -x; how wide hips and shoulders look says how far turned.
     depth = _smoothed(
-        shot.depth[:, None], np.ones(len(shot.depth)), shot.positions, 2.0, shot.frames
+        capture.depth[:, None], np.ones(len(capture.depth)), capture.positions, 2.0, capture.frames
     )
     wide = np.clip(across[:, 0] * depth[:, 0] / 0.55, -1, 1)
     away = np.sqrt(1 - wide**2)
-    return [_heading_of(wide, sign * away) for sign in (1.0, -1.0)] + _headings_of_path(shot)
+    return [_heading_of(wide, sign * away) for sign in (1.0, -1.0)] + _headings_of_path(capture)
 
 
 def _across(
-    shot: Shot, parts: tuple[str, ...], width: float
+    capture: Capture, parts: tuple[str, ...], width: float
 ) -> Float[np.ndarray, "frames coordinates"]:
     """Returns how far the right side is from the left one, smoothed and summed; 0 if not seen."""
-    total = np.zeros((shot.frames, shot.points.shape[2]))
+    total = np.zeros((capture.frames, capture.points.shape[2]))
     for part in parts:
         sides = [f"{side}_{part}" for side in ("right", "left")]
-        if set(sides) <= set(shot.names):
-            k = [shot.names.index(side) for side in sides]
-            both = shot.weights[:, k].min(axis=1)
+        if set(sides) <= set(capture.names):
+            k = [capture.names.index(side) for side in sides]
+            both = capture.weights[:, k].min(axis=1)
             if (both > 0).any():
-                step = shot.points[:, k[0]] - shot.points[:, k[1]]
-                total += _smoothed(step, both, shot.positions, width, shot.frames)
+                step = capture.points[:, k[0]] - capture.points[:, k[1]]
+                total += _smoothed(step, both, capture.positions, width, capture.frames)
     return total
 
 
-def _headings_of_path(shot: Shot) -> list[Float[np.ndarray, " frames"]]:
+def _headings_of_path(capture: Capture) -> list[Float[np.ndarray, " frames"]]:
     """Returns the heading of a person walking ahead, or nothing if the pelvis stays."""
-    path = rough_joints(shot)[0][:, 0]
+    path = rough_joints(capture)[0][:, 0]
     if np.linalg.norm(path[-1] - path[0]) <= 0.5:
         return []
     way = np.gradient(path, axis=0)

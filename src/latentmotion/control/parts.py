@@ -20,7 +20,7 @@ Joints = Float[np.ndarray, "frames joints 3"]
 
 
 @dataclass(frozen=True)
-class Part:
+class BodyPart:
     """A part of the body, by names of joints."""
 
     joints: tuple[str, ...]
@@ -33,23 +33,23 @@ _CHEST = ("spine3", "neck", "left_shoulder", "right_shoulder", "left_collar", "r
 _HIPS = ("pelvis", "left_hip", "right_hip", "spine1")
 
 
-def _side(side: str) -> dict[str, Part]:
+def _side(side: str) -> dict[str, BodyPart]:
     arm, leg = (f"{side}_elbow", f"{side}_wrist"), ("knee", "ankle", "foot")
     return {
-        f"{side}_arm": Part(arm, _CHEST),
-        f"{side}_leg": Part(tuple(f"{side}_{joint}" for joint in leg), _HIPS),
+        f"{side}_arm": BodyPart(arm, _CHEST),
+        f"{side}_leg": BodyPart(tuple(f"{side}_{joint}" for joint in leg), _HIPS),
     }
 
 
 _TRUNK = ("spine2", "spine3", "neck", "head", "left_collar", "right_collar")
 _SIDES = {**_side("left"), **_side("right")}
-PARTS: Mapping[str, Part] = MappingProxyType(
+PARTS: Mapping[str, BodyPart] = MappingProxyType(
     {
         **_SIDES,
-        "arms": Part(_SIDES["left_arm"].joints + _SIDES["right_arm"].joints, _CHEST),
-        "legs": Part(_SIDES["left_leg"].joints + _SIDES["right_leg"].joints, _HIPS),
-        "head": Part(("head",), _CHEST),
-        "upper_body": Part(
+        "arms": BodyPart(_SIDES["left_arm"].joints + _SIDES["right_arm"].joints, _CHEST),
+        "legs": BodyPart(_SIDES["left_leg"].joints + _SIDES["right_leg"].joints, _HIPS),
+        "head": BodyPart(("head",), _CHEST),
+        "upper_body": BodyPart(
             (
                 *_TRUNK,
                 *(f"{s}_{j}" for j in ("shoulder", "elbow", "wrist") for s in ("left", "right")),
@@ -61,7 +61,7 @@ PARTS: Mapping[str, Part] = MappingProxyType(
 """The parts that can be generated alone."""
 
 
-def parts_named(names: Sequence[str], skeleton: Skeleton) -> list[Part]:
+def parts_named(names: Sequence[str], skeleton: Skeleton) -> list[BodyPart]:
     """Returns parts of the body.
 
     Raises:
@@ -86,7 +86,7 @@ def parts_named(names: Sequence[str], skeleton: Skeleton) -> list[Part]:
     return chosen
 
 
-def with_parts(own: Joints, other: Joints, parts: Sequence[Part], skeleton: Skeleton) -> Joints:
+def with_parts(own: Joints, other: Joints, parts: Sequence[BodyPart], skeleton: Skeleton) -> Joints:
     """Returns a motion with some parts of another; all other joints are the same numbers.
 
     Args:
