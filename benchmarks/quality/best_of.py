@@ -33,7 +33,7 @@ from latentmotion.data.instructions import GROUPS, Instruction, instructions
 from latentmotion.evaluation.instructions.benchmark import OVERALL, Share
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration
 from latentmotion.language.reading import asked_exactly
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.pipeline import cleaned_up
 from latentmotion.ranking.best import Take, ranked
 from latentmotion.ranking.scorer import Scorer
@@ -107,7 +107,7 @@ def write_takes(folder: Path, name: str, takes: int, prompts: Sequence[Instructi
         np.savez(
             temporary,
             raw=np.stack([take.motion.joints for take in raw]),
-            ok=[fulfills(scene_of(m.joints.astype(np.float64)), one.check) for m in cleaned],
+            ok=[fulfills(describe(m.joints.astype(np.float64)), one.check) for m in cleaned],
             phys=[
                 [foot_sliding(m.joints, m.fps), penetration(m.joints), jitter(m.joints, m.fps)]
                 for m in cleaned

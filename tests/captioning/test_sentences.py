@@ -18,13 +18,13 @@ from tests.support import acted
 
 
 def say(name: str, seed: int = 0, count: int = 12) -> list[str]:
-    return sentences(acted.scene(name).facts, np.random.default_rng(seed), count=count)
+    return sentences(acted.scene(name), np.random.default_rng(seed), count=count)
 
 
 @pytest.mark.parametrize("name", acted.MOTIONS)
 def test_no_sentence_contradicts_its_motion(name: str) -> None:
     for sentence in say(name, seed=1):
-        found = check(sentence, acted.scene(name).facts)
+        found = check(sentence, acted.scene(name))
         assert found.verdict != "contradicts", (sentence, found.reasons)
 
 
@@ -166,10 +166,10 @@ def test_a_turn_during_another_act(degrees: float, told: str) -> None:
 
 
 def test_every_act_that_is_reported_has_words() -> None:
-    kinds = {act.kind for name in acted.MOTIONS for act in acts_of(acted.scene(name).facts)}
+    kinds = {act.kind for name in acted.MOTIONS for act in acts_of(acted.scene(name))}
     assert len(kinds) >= 20
     for name in acted.MOTIONS:
-        for act in acts_of(acted.scene(name).facts):
+        for act in acts_of(acted.scene(name)):
             assert phrases(act) != [("do", act.kind.replace("_", " "))], act.kind
 
 
@@ -192,8 +192,8 @@ def test_names_of_actions_become_words(name: str, words: str) -> None:
 
 
 def test_a_known_action_is_told_with_the_gait() -> None:
-    told = sentences(acted.scene("walk").facts, np.random.default_rng(0), "play_the_violin", 4)
+    told = sentences(acted.scene("walk"), np.random.default_rng(0), "play_the_violin", 4)
     assert told[0] == "play the violin"
     assert re.match(r"play the violin while \w+ing", told[1])
-    walked = sentences(acted.scene("walk").facts, np.random.default_rng(0), "walk", 4)
+    walked = sentences(acted.scene("walk"), np.random.default_rng(0), "walk", 4)
     assert not [text for text in walked if "while" in text]

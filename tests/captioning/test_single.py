@@ -15,7 +15,7 @@ from latentmotion.data.recording import Recording
 from latentmotion.data.sources.hdm05 import hdm05_groups
 from latentmotion.data.store import StoredClip
 from latentmotion.measure.facts import SingleAction
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.training.captioning.described import without_captions
 from latentmotion.training.captioning.single_actions import LONGEST, SHORTEST, single_actions
@@ -82,7 +82,7 @@ def test_a_walked_turn_has_the_net_degrees_of_its_window(turn: float, side: str)
     turns = [action for action in found_in(joints) if action.kind == "turn"]
     assert turns
     for action in turns:
-        heading = scene_of(joints[action.start : action.end]).signals.heading
+        heading = describe(joints[action.start : action.end]).signals.heading
         assert (action.side, action.gait) == (side, "walk")
         assert action.degrees == pytest.approx(abs(np.degrees(heading[-1] - heading[0])), abs=1)
 
@@ -164,7 +164,7 @@ def test_the_benchmark_finds_what_windows_of_real_clips_are_said_to_show(
         for action in found_in(joints):
             check = expression(action)
             if check:
-                scene = scene_of(joints[action.start : action.end])
+                scene = describe(joints[action.start : action.end])
                 assert fulfills(scene, parse(check)), (item.label.id, action, check)
                 checked += 1
     assert checked > 50

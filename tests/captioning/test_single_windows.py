@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from latentmotion.measure.facts import SingleAction
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.training.captioning.single_actions import (
     LONGEST,
     SHORTEST,
@@ -200,7 +200,7 @@ def test_a_window_is_kept_if_it_shows_the_action_alone(
     ("speed", "pace"), [(0.6, "slow"), (0.82, ""), (1.1, "normal"), (1.7, "fast")]
 )
 def test_paces_between_two_bounds_have_no_name(speed: float, pace: str) -> None:
-    scene = scene_of(acted.walk(4, speed))
+    scene = describe(acted.walk(4, speed))
     action = strictly(SingleAction("walk", 0, 80, direction="forward"), scene)
     assert action is not None and action.pace == pace
 
@@ -230,4 +230,4 @@ def test_a_weaving_walk() -> None:
 def test_candidates_are_inside_the_motion() -> None:
     for name in ("walk, then wave", "kick to the side", "walk a circle", "sit down"):
         for action in candidates(acted.scene(name), np.random.default_rng(0)):
-            assert 0 <= action.start < action.end <= acted.scene(name).facts.frames, action
+            assert 0 <= action.start < action.end <= acted.scene(name).frames, action

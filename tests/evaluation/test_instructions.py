@@ -23,7 +23,7 @@ from latentmotion.evaluation.instructions.ground_truth import patterns
 from latentmotion.evaluation.instructions.motions import read_joints_folder
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.language.words import plain
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.model.card import CARD_FILE, find_model, read_card
 from latentmotion.training.checking import ACTS, CONDITIONS, fulfills, validate
 from latentmotion.training.drawn_instructions import drawn_instructions
@@ -75,7 +75,7 @@ def upward(height: np.ndarray) -> np.ndarray:
 
 
 def done(joints: np.ndarray, check: str) -> bool:
-    return fulfills(scene_of(joints), parse(check))
+    return fulfills(describe(joints), parse(check))
 
 
 LEFT_TURN = figure(ahead=1.2, turned=between(20, 60, 90))

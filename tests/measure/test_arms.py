@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from latentmotion.measure.facts import LEFT, RIGHT, SIDES
-from latentmotion.measure.scene import describe, highest_hand, scene_of
+from latentmotion.measure.scene import describe, highest_hand
 from latentmotion.measure.signals import JOINT
 from tests.support import acted
 
@@ -63,7 +63,7 @@ def test_hands_raised_in_turn_are_two_raises() -> None:
 
 
 def test_the_highest_hand_is_measured_from_the_shoulder() -> None:
-    scene = scene_of(acted.raise_hand(LEFT, 1, (0.05, 0.5, 0.05)))
+    scene = describe(acted.raise_hand(LEFT, 1, (0.05, 0.5, 0.05)))
     assert highest_hand(scene, LEFT) == pytest.approx(0.5, abs=0.02)
     assert highest_hand(scene, RIGHT) == pytest.approx(-0.5, abs=0.02)
 
@@ -160,7 +160,7 @@ def test_arms_that_circle_against_each_other_have_no_direction() -> None:
 def test_poses_of_the_hands(
     away: tuple[float, float, float], sides: tuple[str, ...], kind: str, side: str
 ) -> None:
-    (pose,) = scene_of(acted.hands(3, away, sides)).find(kind)
+    (pose,) = describe(acted.hands(3, away, sides)).all_of(kind)
     assert pose.side == side
     assert 20 <= pose.frames <= 50
 
@@ -168,21 +168,21 @@ def test_poses_of_the_hands(
 @pytest.mark.parametrize("kind", ["arms_out", "hands_on_hips"])
 def test_one_arm_makes_no_pose_of_both(kind: str) -> None:
     away = {"arms_out": (0.5, 0.0, 0.0), "hands_on_hips": (0.08, -0.4, 0.02)}[kind]
-    assert not scene_of(acted.hands(3, away, (LEFT,))).find(kind)
+    assert not describe(acted.hands(3, away, (LEFT,))).all_of(kind)
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])
 def test_jumping_jacks_are_counted(count: int) -> None:
-    assert len(scene_of(acted.jack(count)).find("jack")) == count
+    assert len(describe(acted.jack(count)).all_of("jack")) == count
 
 
 def test_arms_without_legs_make_no_jumping_jack() -> None:
-    assert not scene_of(acted.raise_hand("both", 3, (0.3, 0.4, 0.1))).find("jack")
+    assert not describe(acted.raise_hand("both", 3, (0.3, 0.4, 0.1))).all_of("jack")
 
 
 @pytest.mark.parametrize("name", ["stand", "walk", "run", "kick", "squat", "jump", "turn left"])
 def test_hanging_arms_do_nothing(name: str) -> None:
-    assert not [event for event in acted.scene(name).facts.events if event.kind in ARMS]
+    assert not [event for event in acted.scene(name).events if event.kind in ARMS]
 
 
 @pytest.mark.parametrize(("degrees", "twist"), [(40.0, (40, 0)), (-30.0, (0, 30)), (0.0, (0, 0))])

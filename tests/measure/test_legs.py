@@ -160,14 +160,14 @@ def test_a_stair_is_climbed(down: bool, direction: str) -> None:
 
 @pytest.mark.parametrize("name", ["walk", "run", "walk a curve", "squat", "jump", "stand"])
 def test_flat_floors_are_not_climbed(name: str) -> None:
-    assert not acted.scene(name).facts.find("climb")
+    assert not acted.scene(name).find("climb")
 
 
 @pytest.mark.parametrize(
     "name", ["walk", "walk fast", "walk backward", "walk a circle", "jog", "run"]
 )
 def test_gaits_are_neither_kicks_nor_jumps(name: str) -> None:
-    found = acted.scene(name).facts
+    found = acted.scene(name)
     assert not [e for e in found.events if e.kind in ("kick", "jump", "hop", "knee", "balance")]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from latentmotion.measure.facts import Event, joined_moves
-from latentmotion.measure.scene import describe, in_place, meters, scene_of
+from latentmotion.measure.scene import describe, in_place, meters
 from latentmotion.measure.whole_body import MOVING
 from tests.support import acted
 
@@ -142,13 +142,13 @@ def test_widening_is_measured_of_more_than_a_circle_only() -> None:
     ],
 )
 def test_moves_follow_each_other_without_gaps(name: str, kinds: list[str]) -> None:
-    found = acted.scene(name).facts
+    found = acted.scene(name)
     assert [move.kind for move in found.moves if move.frames >= 10] == kinds
 
 
 @pytest.mark.parametrize("name", acted.MOTIONS)
 def test_moves_and_postures_fill_the_motion(name: str) -> None:
-    found = acted.scene(name).facts
+    found = acted.scene(name)
     for row in (found.moves, found.postures):
         assert [one.start for one in row[1:]] == [one.end for one in row[:-1]]
         assert (row[0].start, row[-1].end) == (0, found.frames)
@@ -162,7 +162,7 @@ def test_moves_and_postures_fill_the_motion(name: str) -> None:
     ("way", "direction"), [(0, "forward"), (180, "backward"), (90, "left"), (-90, "right")]
 )
 def test_meters_are_summed_by_direction(way: float, direction: str) -> None:
-    distances = meters(scene_of(acted.walk(4, 0.8, way)))
+    distances = meters(describe(acted.walk(4, 0.8, way)))
     assert distances.pop(direction) == pytest.approx(3.2, abs=0.15)
     assert max(distances.values()) < 0.05
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from latentmotion.measure.facts import Event
-from latentmotion.measure.scene import describe, scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.measure.whole_body import changes_of, stillness
 from tests.support import acted
 
@@ -120,7 +120,7 @@ def test_who_goes_down_for_good_neither_squats_nor_bows() -> None:
 
 def test_crawling_is_low_and_level() -> None:
     (crawl,) = acted.scene("crawl").find("crawl")
-    assert crawl.frames == acted.scene("crawl").facts.frames
+    assert crawl.frames == acted.scene("crawl").frames
     for name in ("kneel down", "lie down", "bow", "crouch", "walk"):
         assert not acted.scene(name).find("crawl")
 
@@ -135,7 +135,7 @@ def test_stillness_is_a_share_of_the_frames(name: str, least: float, most: float
 @pytest.mark.parametrize(("slowest", "still"), [(0.05, False), (2.0, True)])
 def test_stillness_is_below_a_speed(slowest: float, still: bool) -> None:
     slow = acted.raise_hand("left", 1, (0.0, -0.1, 0.45))
-    assert bool(stillness(scene_of(slow).signals, slowest).all()) is still
+    assert bool(stillness(describe(slow).signals, slowest).all()) is still
 
 
 def test_a_body_on_a_lower_floor_is_described_alike() -> None:

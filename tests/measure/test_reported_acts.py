@@ -188,4 +188,4 @@ def test_a_held_posture_is_reported_unless_its_beginning_is() -> None:
     ],
 )
 def test_motions_are_reported_in_their_order(name: str, kinds: list[str]) -> None:
-    assert [act.kind for act in acts_of(acted.scene(name).facts)] == kinds
+    assert [act.kind for act in acts_of(acted.scene(name))] == kinds

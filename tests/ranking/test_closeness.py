@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from latentmotion.language.reading import request_of
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.ranking.closeness import closeness
 from tests.support import acted
 
@@ -69,6 +69,6 @@ def test_place_and_heading_do_not_matter() -> None:
     joints = acted.scene("walk, then wave").signals.joints
     moved = joints * np.array([-1, 1, -1]) + np.array([3.0, 0, 5.0])
     request = request_of("walk, then wave")
-    assert closeness(request, scene_of(moved)) == pytest.approx(
-        closeness(request, scene_of(joints))
+    assert closeness(request, describe(moved)) == pytest.approx(
+        closeness(request, describe(joints))
     )

@@ -15,7 +15,7 @@ import numpy as np
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.measure.facts import LEFT, RIGHT, SIDES
-from latentmotion.measure.scene import Scene, scene_of
+from latentmotion.measure.scene import Measured, describe
 from latentmotion.measure.signals import JOINT
 
 FPS = 20
@@ -553,6 +553,6 @@ MOTIONS: dict[str, Callable[[], np.ndarray]] = {
 
 
 @cache
-def scene(name: str) -> Scene:
+def scene(name: str) -> Measured:
     """Measures one of `MOTIONS`."""
-    return scene_of(MOTIONS[name]())
+    return describe(MOTIONS[name]())

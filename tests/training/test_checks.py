@@ -7,7 +7,7 @@ import pytest
 
 from latentmotion.data.instructions import Check, Term, instructions, parse
 from latentmotion.errors import InputError
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.training.checking import ACTS, CONDITIONS, events_of, fulfills, validate
 from tests.support import acted
 
@@ -124,7 +124,7 @@ def test_every_act_and_condition_is_seen_to_hold() -> None:
     ],
 )
 def test_poses_and_orders(motion: np.ndarray, text: str) -> None:
-    scene = scene_of(motion)
+    scene = describe(motion)
     assert fulfills(scene, parse(text))
     assert not fulfills(acted.scene("stand"), parse(text))
     if ">" in text:
@@ -134,21 +134,21 @@ def test_poses_and_orders(motion: np.ndarray, text: str) -> None:
 @pytest.mark.parametrize("pause", [0.2, 1.5])
 def test_all_terms_of_an_order_follow_each_other(pause: float) -> None:
     parts = [acted.kick("left"), acted.stand(pause), acted.jump(), acted.stand(pause), acted.bow()]
-    scene = scene_of(acted.in_sequence(*parts))
+    scene = describe(acted.in_sequence(*parts))
     assert fulfills(scene, parse("kick(left) > jump > bend"))
     for wrong in ("jump > kick > bend", "kick > bend > jump", "bend > jump > kick"):
         assert not fulfills(scene, parse(wrong))
 
 
 def test_one_kick_of_the_other_leg_is_too_many() -> None:
-    scene = scene_of(acted.in_sequence(acted.kick("left", 2), acted.kick("right")))
+    scene = describe(acted.in_sequence(acted.kick("left", 2), acted.kick("right")))
     assert not fulfills(scene, parse("kick(left, 2)"))
     assert fulfills(scene, parse("kick(any, 3)"))
 
 
 def test_a_jump_that_hardly_rises_does_not_count() -> None:
-    assert not fulfills(scene_of(acted.jump(rise=0.09)), parse("jump"))
-    assert fulfills(scene_of(acted.jump(rise=0.2)), parse("jump"))
+    assert not fulfills(describe(acted.jump(rise=0.09)), parse("jump"))
+    assert fulfills(describe(acted.jump(rise=0.2)), parse("jump"))
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from latentmotion.data.instructions import parse
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.training.checking import fulfills
 from tests.support import acted
 
 
 def holds(motion: np.ndarray, text: str) -> bool:
-    return fulfills(scene_of(motion), parse(text))
+    return fulfills(describe(motion), parse(text))
 
 
 WALK, CURVE = acted.walk(4, 1.0), acted.walk(4, 1.0, turn=90)

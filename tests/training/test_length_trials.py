@@ -38,7 +38,7 @@ class Model(MotionPipeline):
 
 @pytest.fixture(autouse=True)
 def judged_by_length(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lengths, "scene_of", lambda joints: joints)
+    monkeypatch.setattr(lengths, "describe", lambda joints: joints)
     monkeypatch.setattr(lengths, "fulfills", lambda scene, check: 2 <= scene <= 4)
 
 

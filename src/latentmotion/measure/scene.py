@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -17,28 +16,7 @@ from latentmotion.measure.reported_acts import acts_of
 from latentmotion.measure.signals import Signals, activity_of, measure, twist_of
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """Everything measured about one motion."""
-
-    facts: Description
-    """Its description."""
-    signals: Signals
-    """The curves that the description is measured from."""
-
-    @cached_property
-    def poses(self) -> tuple[Event, ...]:
-        """Poses and exercises of the whole body."""
-        return whole_body.poses_of(self.signals)
-
-    def find(self, *kinds: str) -> list[Event]:
-        """Returns the events, moves, turns, postures and poses of some kinds, by start."""
-        events = [event for kind in kinds for event in self.facts.find(kind)]
-        events += [pose for pose in self.poses if pose.kind in kinds]
-        return sorted(events, key=lambda event: event.start)
-
-
-def describe(joints: Float[np.ndarray, "frames joints 3"]) -> Description:
+def describe(joints: Float[np.ndarray, "frames joints 3"]) -> Measured:
     """Measures what a motion does.
 
     Args:
@@ -105,6 +83,12 @@ class Measured(Description):
             direction,
         )
 
+    def all_of(self, *kinds: str) -> list[Event]:
+        """Returns the events, moves, turns, postures and poses of some kinds, by start."""
+        events = [event for kind in kinds for event in self.find(kind)]
+        events += [pose for pose in self.poses if pose.kind in kinds]
+        return sorted(events, key=lambda event: event.start)
+
     @cached_property
     def events(self) -> tuple[Event, ...]:
         """All that is neither a move nor a turn nor a posture, by start."""
@@ -160,19 +144,7 @@ class Measured(Description):
     steps = _of_signals(legs.steps_of)
     twist = _of_signals(twist_of)
     activity = _of_signals(activity_of)
-
-
-def scene_of(joints: Float[np.ndarray, "frames 22 3"]) -> Scene:
-    """Measures a motion.
-
-    Args:
-        joints: Positions of HumanML3D's joints at 20 frames per second, meters, y up.
-
-    Raises:
-        InputError: The joints have another shape, too few frames, or are not numbers.
-    """
-    signals = measure(joints)
-    return Scene(Measured(signals), signals)
+    poses = _of_signals(whole_body.poses_of)
 
 
 def lasting(events: list[Event], seconds: float) -> list[Event]:
@@ -180,26 +152,26 @@ def lasting(events: list[Event], seconds: float) -> list[Event]:
     return [event for event in events if event.frames >= seconds * FPS]
 
 
-def reportable_kinds(scene: Scene) -> set[str]:
+def reportable_kinds(scene: Measured) -> set[str]:
     """Returns the kinds of acts and poses that are worth reporting about a window."""
-    reported = {act.kind for act in acts_of(scene.facts)}
+    reported = {act.kind for act in acts_of(scene)}
     poses = (pose for pose in scene.poses if pose.kind in kinds("pose"))
     return reported | {pose.kind for pose in poses if pose.frames >= 10}
 
 
-def highest_hand(scene: Scene, side: str) -> float:
+def highest_hand(scene: Measured, side: str) -> float:
     """Returns the largest height of a hand above its shoulder, meters; negative is below."""
     signals = scene.signals
     return float((signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder"))[:, 1].max())
 
 
-def in_place(scene: Scene, most: float) -> bool:
+def in_place(scene: Measured, most: float) -> bool:
     """Whether the pelvis stays within `most` meters of its median position."""
     points = scene.signals.joints[:, 0, ::2]
     return float(np.linalg.norm(points - np.median(points, axis=0), axis=1).max()) <= most
 
 
-def meters(scene: Scene) -> dict[str, float]:
+def meters(scene: Measured) -> dict[str, float]:
     """Returns the distance, meters, that the pelvis goes in each direction of the body."""
     left, ahead = scene.signals.velocity.T / FPS
     sideways, forward = np.abs(left) > np.abs(ahead), np.abs(ahead) >= np.abs(left)

@@ -28,7 +28,7 @@ from latentmotion.corrections import Corrections
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import floating, foot_sliding, jitter, penetration
 from latentmotion.language.reading import request_of
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
 from latentmotion.ranking.closeness import closeness
@@ -162,7 +162,7 @@ def ranked(
         sliding, depth = foot_sliding(joints, fps, motion.skeleton), penetration(joints)
         hovers, jerk, claims = floating(joints, fps), jitter(joints, fps), 0.0
         if request.claims:
-            claims = closeness(request, scene_of((after or motion).joints.astype(np.float64)))
+            claims = closeness(request, describe((after or motion).joints.astype(np.float64)))
         costs = sliding + _OFF_FLOOR * (depth + hovers) + _JERK * max(0.0, jerk - _USUAL_JERK)
         score = usual * (_CLAIMS * claims + match) + advantage - costs
         takes.append(

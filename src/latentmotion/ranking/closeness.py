@@ -14,7 +14,7 @@ import numpy as np
 from latentmotion.language.claims import SLIGHT, Claim, Request
 from latentmotion.language.kinds import kinds, limits, related
 from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, Event
-from latentmotion.measure.scene import Scene, lasting, meters
+from latentmotion.measure.scene import Measured, lasting, meters
 from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stillness, stooped
 from latentmotion.ranking.agreement import check_claim, events_for
@@ -26,14 +26,14 @@ _USUAL_TURN, _USUAL_CIRCLE, _SLIGHTLY = 90.0, 360.0, 40.0
 # Postures and poses that show an act.
 _POSTURES = related("shown_by")
 
-Grade = Callable[[Claim, Scene, Request], float]
+Grade = Callable[[Claim, Measured, Request], float]
 """Returns how closely a motion does what one claim asks, 0 to 1."""
 
 # Grades by kind of claim; all other kinds are graded by their events.
 _GRADES: dict[str, Grade] = {}
 
 
-def closeness(request: Request, scene: Scene) -> float:
+def closeness(request: Request, scene: Measured) -> float:
     """Returns how closely a motion does what is asked, the mean over its claims, 0 to 1.
 
     Args:
@@ -71,15 +71,15 @@ def _near(count: float, asked: float) -> float:
 
 
 @_grades("turn", "circle")
-def _turn(claim: Claim, scene: Scene, request: Request) -> float:
+def _turn(claim: Claim, scene: Measured, request: Request) -> float:
     usual = _USUAL_CIRCLE if claim.kind == "circle" else _USUAL_TURN
     degrees = _SLIGHTLY if claim.degrees == SLIGHT else claim.degrees or usual
     degrees *= max(claim.count, 1)
     turns = [other for other in request.claims if other.kind in ("turn", "circle")]
     alone = len(turns) == 1
-    turned = scene.facts.path.turned
+    turned = scene.path.turned
     if not alone:  # each is the largest turn to its side
-        sides = [t.amount if t.side == LEFT else -t.amount for t in scene.facts.turns]
+        sides = [t.amount if t.side == LEFT else -t.amount for t in scene.turns]
         fitting = [a for a in sides if not claim.side or (a > 0) == (claim.side == LEFT)]
         turned = max(fitting, key=abs, default=0.0)
     turned = abs(turned) if not claim.side else turned if claim.side == LEFT else -turned
@@ -90,20 +90,20 @@ def _turn(claim: Claim, scene: Scene, request: Request) -> float:
         error *= 0.5
     grade = _ramp(error, 0.45 * degrees + 20, 0.0)
     walked = claim.kind == "circle" or any(other.kind in _GAITS for other in request.claims)
-    return grade * _ramp(scene.facts.path.length, 0.0, 1.0) if walked else grade
+    return grade * _ramp(scene.path.length, 0.0, 1.0) if walked else grade
 
 
 @_grades(*_GAITS, "move")
-def _gait(claim: Claim, scene: Scene, request: Request) -> float:
+def _gait(claim: Claim, scene: Measured, request: Request) -> float:
     moves = _moves(claim, scene)
     if claim.direction == "place":
         lifts = sum(len(peaks(foot, 0.05, 0.05)) for foot in scene.signals.feet.T)
-        return _ramp(lifts, 0, 4) * _ramp(scene.facts.path.length, 1.5, 0.5)
+        return _ramp(lifts, 0, 4) * _ramp(scene.path.length, 1.5, 0.5)
     seconds = sum(move.seconds for move in moves)
     if claim.count:
-        grade = _near(scene.facts.steps, claim.count)
+        grade = _near(scene.steps, claim.count)
     else:
-        grade = _ramp(seconds, 0.0, 0.6) * _ramp(scene.facts.path.length, 0.0, 0.8)
+        grade = _ramp(seconds, 0.0, 0.6) * _ramp(scene.path.length, 0.0, 0.8)
     if seconds:
         speed = sum(move.amount * move.seconds for move in moves) / seconds
         grade *= _pace(claim, speed)
@@ -123,7 +123,7 @@ def _pace(claim: Claim, speed: float) -> float:
     return _ramp(speed, 2.3, 1.7) if claim.kind == "walk" else 1.0
 
 
-def _way(claim: Claim, scene: Scene, request: Request) -> float:
+def _way(claim: Claim, scene: Measured, request: Request) -> float:
     """Compares the direction of a gait, and whether the body keeps facing."""
     if claim.direction in ("", "place", "up"):
         return 1.0
@@ -136,63 +136,63 @@ def _way(claim: Claim, scene: Scene, request: Request) -> float:
         return _ramp(far, 0.0, 0.4)
     share = far / max(sum(gone.values()), 1e-6)
     turning = any(other.kind in ("turn", "circle", "weave") for other in request.claims)
-    faces = 1.0 if turning else _ramp(abs(scene.facts.path.turned), 75.0, 15.0)
+    faces = 1.0 if turning else _ramp(abs(scene.path.turned), 75.0, 15.0)
     return _ramp(share, 0.2, 0.9) * _ramp(far, 0.0, 0.3) * (0.4 + 0.6 * faces)
 
 
 @_grades("stop", "stand")
-def _stand(claim: Claim, scene: Scene, request: Request) -> float:
+def _stand(claim: Claim, scene: Measured, request: Request) -> float:
     if claim.kind == "stand" and len(request.claims) == 1:
         return float(stillness(scene.signals).mean())
-    halts = [move for move in scene.facts.moves if move.kind == "stand"]
+    halts = [move for move in scene.moves if move.kind == "stand"]
     return _ramp(max((move.seconds for move in halts), default=0.0), 0.0, 0.5)
 
 
 @_grades("weave")
-def _weave(claim: Claim, scene: Scene, request: Request) -> float:
+def _weave(claim: Claim, scene: Measured, request: Request) -> float:
     left, ahead = scene.signals.velocity.T
     course = np.degrees(np.unwrap(scene.signals.heading + np.arctan2(left, ahead)))
     course = course[scene.signals.speed > 0.3]
     if len(course) < 2:
         return 0.0
     swings = sum(len(peaks(curve - curve.min(), 0, 22)) for curve in (course, -course))
-    return _ramp(swings, 0, 3) * _ramp(scene.facts.path.length, 0.0, 1.5)
+    return _ramp(swings, 0, 3) * _ramp(scene.path.length, 0.0, 1.5)
 
 
 @_grades("speed_up", "slow_down")
-def _change(claim: Claim, scene: Scene, request: Request) -> float:
-    speed, third = scene.signals.speed, max(scene.facts.frames // 3, 1)
+def _change(claim: Claim, scene: Measured, request: Request) -> float:
+    speed, third = scene.signals.speed, max(scene.frames // 3, 1)
     first, last = float(speed[:third].mean()), float(speed[-third:].mean())
     slow, fast = (first, last) if claim.kind == "speed_up" else (last, first)
     return _ramp(fast - slow, 0.0, 0.8) * _ramp(fast / max(slow, 0.1), 1.0, 1.6)
 
 
 @_grades("stooped")
-def _stooped(claim: Claim, scene: Scene, request: Request) -> float:
+def _stooped(claim: Claim, scene: Measured, request: Request) -> float:
     return _ramp(float(stooped(scene.signals).mean()), 0.0, 0.8) * _ramp(
-        scene.facts.path.length, 0.0, 0.8
+        scene.path.length, 0.0, 0.8
     )
 
 
 @_grades(*_POSTURES)
-def _posture(claim: Claim, scene: Scene, request: Request) -> float:
+def _posture(claim: Claim, scene: Measured, request: Request) -> float:
     return _ramp(sum(event.seconds for event in _events(claim, scene)), 0.0, 0.8)
 
 
 @_grades("stand_up")
-def _stand_up(claim: Claim, scene: Scene, request: Request) -> float:
-    postures = lasting(list(scene.facts.postures), 0.3)
+def _stand_up(claim: Claim, scene: Measured, request: Request) -> float:
+    postures = lasting(list(scene.postures), 0.3)
     low = [p.start for p in postures if p.kind not in ("stand", "bend")]
     rises = bool(low) and any(p.kind == "stand" and p.start > low[0] for p in postures)
     return 1.0 if rises else 0.0
 
 
 @_grades("twist", "lift")
-def _unmeasured(claim: Claim, scene: Scene, request: Request) -> float:
+def _unmeasured(claim: Claim, scene: Measured, request: Request) -> float:
     return 0.5
 
 
-def _event(claim: Claim, scene: Scene, request: Request) -> float:
+def _event(claim: Claim, scene: Measured, request: Request) -> float:
     """Grades acts of hands, feet and the whole body: present, of the side, as often as asked."""
     events = _events(claim, scene)
     if not events:
@@ -200,7 +200,7 @@ def _event(claim: Claim, scene: Scene, request: Request) -> float:
     same = {claim.kind} if claim.kind != "bow" else {"bow", "pick_up", "bend"}
     exact = [event for event in events if event.kind in same]
     if not exact:
-        verdict = check_claim(claim, scene.facts)[0]
+        verdict = check_claim(claim, scene)[0]
         return {"agrees": 0.4, "silent": 0.2}.get(verdict, 0.0)
     sides = [event.side for event in exact]
     repeated = sum(other.kind == claim.kind for other in request.claims) > 1
@@ -222,44 +222,44 @@ def _event(claim: Claim, scene: Scene, request: Request) -> float:
     return grade
 
 
-def _moves(claim: Claim, scene: Scene) -> list[Event]:
+def _moves(claim: Claim, scene: Measured) -> list[Event]:
     """Returns the moves that a gait may mean, on foot and over the floor."""
     gaits = {"walk": ("walk",), "jog": ("jog", "run"), "run": ("jog", "run")}.get(
         claim.kind, _GAITS
     )
-    moves = [move for move in scene.facts.moves if move.kind in gaits]
+    moves = [move for move in scene.moves if move.kind in gaits]
     moves = [move for move in moves if move.direction not in ("", "place")]
     one_way = claim.direction in ("forward", "backward", LEFT, RIGHT)
     towards = [move for move in moves if move.direction == claim.direction]
     return lasting(towards if one_way else moves, 0.3)
 
 
-def _events(claim: Claim, scene: Scene) -> list[Event]:
+def _events(claim: Claim, scene: Measured) -> list[Event]:
     """Returns the events, postures and poses that a claim may mean, by start."""
     if claim.kind in _POSTURES:
-        return scene.find(*_POSTURES[claim.kind])
+        return scene.all_of(*_POSTURES[claim.kind])
     if claim.kind in ("jack", "touch_head"):
-        return scene.find(claim.kind)
-    return list(events_for(claim.kind, scene.facts))
+        return scene.all_of(claim.kind)
+    return list(events_for(claim.kind, scene))
 
 
-def _spans(claim: Claim, scene: Scene) -> list[Event]:
+def _spans(claim: Claim, scene: Measured) -> list[Event]:
     """Returns when an act takes place: all stretches of one that lasts, else the first."""
     if claim.kind in (*_GAITS, "move"):
         return _moves(claim, scene)
     if claim.kind in ("stop", "stand"):
-        return lasting([move for move in scene.facts.moves if move.kind == "stand"], 0.4)
+        return lasting([move for move in scene.moves if move.kind == "stand"], 0.4)
     if claim.kind in ("turn", "circle"):
-        turns = [turn for turn in scene.facts.turns if claim.side in ("", turn.side)]
+        turns = [turn for turn in scene.turns if claim.side in ("", turn.side)]
         return [max(turns, key=lambda turn: turn.amount)] if turns else []
     if claim.kind == "stand_up":
-        return lasting([p for p in scene.facts.postures if p.kind == "stand"], 0.3)
+        return lasting([p for p in scene.postures if p.kind == "stand"], 0.3)
     events = [event for event in _events(claim, scene) if claim.side in ("", event.side)]
     exact = [event for event in events if event.kind == claim.kind]
     return (exact or events)[:1]
 
 
-def _follows(first: Claim, second: Claim, scene: Scene) -> float:
+def _follows(first: Claim, second: Claim, scene: Measured) -> float:
     """Returns how surely the second act follows the first, 0 to 1 at half a second and more."""
     leads = []
     for before in _spans(first, scene):

@@ -15,7 +15,7 @@ from latentmotion.data.instructions import DIRECTIONS, SIDES, TURNS, Check, Term
 from latentmotion.errors import InputError, hint
 from latentmotion.measure.facts import FPS, LEFT, RIGHT, Event
 from latentmotion.measure.repetitions import bends, jumps
-from latentmotion.measure.scene import Scene, lasting, meters, scene_of
+from latentmotion.measure.scene import Measured, describe, lasting, meters
 from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stillness, stooped
 
@@ -24,7 +24,7 @@ from latentmotion.measure.whole_body import stillness, stooped
 class Condition:
     """A kind of condition."""
 
-    holds: Callable[[Scene, Term], bool]
+    holds: Callable[[Measured, Term], bool]
     """Whether it holds for a motion."""
     numbers: int
     """Number of numbers in a term."""
@@ -32,19 +32,19 @@ class Condition:
     """Choices for each word of a term."""
 
 
-def turns_by(scene: Scene, term: Term) -> bool:
+def turns_by(scene: Measured, term: Term) -> bool:
     """The heading turns to a side by so many degrees in all, with full turns counted."""
-    turned, (side,) = scene.facts.path.turned, term.words
+    turned, (side,) = scene.path.turned, term.words
     amount = abs(turned) if side == "either" else turned if side == LEFT else -turned
     return term.numbers[0] <= amount <= term.numbers[1]
 
 
-def travels(scene: Scene, term: Term) -> bool:
+def travels(scene: Measured, term: Term) -> bool:
     """The path of the pelvis is so many meters long."""
-    return scene.facts.path.length >= term.numbers[0]
+    return scene.path.length >= term.numbers[0]
 
 
-def moves_towards(scene: Scene, term: Term) -> bool:
+def moves_towards(scene: Measured, term: Term) -> bool:
     """It moves so many meters to a side of the body, and farther than to any other."""
     distance, least = meters(scene), term.numbers[0]
     if term.words[0] == "sideways":
@@ -52,9 +52,9 @@ def moves_towards(scene: Scene, term: Term) -> bool:
     return distance[term.words[0]] >= max(least, *distance.values())
 
 
-def has_speed(scene: Scene, term: Term) -> bool:
+def has_speed(scene: Measured, term: Term) -> bool:
     """The mean speed while it moves, m/s, is within bounds."""
-    moves = [move for move in scene.facts.moves if move.kind != "stand" and move.direction]
+    moves = [move for move in scene.moves if move.kind != "stand" and move.direction]
     moves = [move for move in moves if move.direction != "place"]
     frames = sum(move.frames for move in moves)
     if not frames:
@@ -63,50 +63,50 @@ def has_speed(scene: Scene, term: Term) -> bool:
     return term.numbers[0] <= mean <= term.numbers[1]
 
 
-def speeds_up(scene: Scene, term: Term) -> bool:
+def speeds_up(scene: Measured, term: Term) -> bool:
     """The last third is so many times as fast as the first."""
     first, last = _ends_of_speed(scene)
     return last >= max(term.numbers[0] * first, first + 0.2)
 
 
-def slows_down(scene: Scene, term: Term) -> bool:
+def slows_down(scene: Measured, term: Term) -> bool:
     """The first third is so many times as fast as the last."""
     first, last = _ends_of_speed(scene)
     return first >= max(term.numbers[0] * last, last + 0.2)
 
 
-def takes_steps(scene: Scene, term: Term) -> bool:
+def takes_steps(scene: Measured, term: Term) -> bool:
     """Both feet together make so many steps."""
     least, most = term.often
-    return least <= scene.facts.steps <= most
+    return least <= scene.steps <= most
 
 
-def steps_in_place(scene: Scene, term: Term) -> bool:
+def steps_in_place(scene: Measured, term: Term) -> bool:
     """A foot leaves the floor and comes back so many times."""
     lifts = sum(len(peaks(foot, 0.05, 0.05)) for foot in scene.signals.feet.T)
     return term.numbers[0] <= lifts <= term.numbers[1]
 
 
-def stays(scene: Scene, term: Term) -> bool:
+def stays(scene: Measured, term: Term) -> bool:
     """It stays within so many meters of its median position."""
     path = scene.signals.joints[:, 0, ::2]
     distance = np.linalg.norm(path - np.median(path, axis=0), axis=1)
     return bool(distance.max() <= term.numbers[0])
 
 
-def keeps_facing(scene: Scene, term: Term) -> bool:
+def keeps_facing(scene: Measured, term: Term) -> bool:
     """It ends within so many degrees of its first heading."""
-    return abs(scene.facts.path.turned) <= term.numbers[0]
+    return abs(scene.path.turned) <= term.numbers[0]
 
 
-def goes_straight(scene: Scene, term: Term) -> bool:
+def goes_straight(scene: Measured, term: Term) -> bool:
     """It moves along a line, and ends within so many degrees of its first heading."""
     path = scene.signals.joints[:, 0, ::2]
     net = float(np.linalg.norm(path[-1] - path[0]))
-    return keeps_facing(scene, term) and net >= 0.9 * scene.facts.path.length
+    return keeps_facing(scene, term) and net >= 0.9 * scene.path.length
 
 
-def weaves(scene: Scene, term: Term) -> bool:
+def weaves(scene: Measured, term: Term) -> bool:
     """Its direction of travel swings to both sides by so many degrees, twice or more."""
     left, ahead = scene.signals.velocity.T
     travels = scene.signals.speed > 0.3
@@ -118,25 +118,25 @@ def weaves(scene: Scene, term: Term) -> bool:
     return sum(swings) >= 2
 
 
-def jumps_high(scene: Scene, term: Term) -> bool:
+def jumps_high(scene: Measured, term: Term) -> bool:
     """The pelvis rises by so many meters in a jump."""
-    return any(event.amount >= term.numbers[0] for event in scene.find("jump", "hop"))
+    return any(event.amount >= term.numbers[0] for event in scene.all_of("jump", "hop"))
 
 
-def keeps_still(scene: Scene, term: Term) -> bool:
+def keeps_still(scene: Measured, term: Term) -> bool:
     """Nothing moves for such a part of the time."""
     return bool(stillness(scene.signals).mean() >= term.numbers[0])
 
 
-def is_stooped(scene: Scene, term: Term) -> bool:
+def is_stooped(scene: Measured, term: Term) -> bool:
     """The hips are low or the trunk is bent, half of the time or more."""
     return bool(stooped(scene.signals).mean() >= 0.5)
 
 
-def is_upright(scene: Scene, term: Term) -> bool:
+def is_upright(scene: Measured, term: Term) -> bool:
     """It stands with the trunk upright all the time."""
-    standing = sum(part.frames for part in scene.facts.postures if part.kind == "stand")
-    return standing > 0.9 * scene.facts.frames and float(np.median(scene.signals.tilt)) < 20
+    standing = sum(part.frames for part in scene.postures if part.kind == "stand")
+    return standing > 0.9 * scene.frames and float(np.median(scene.signals.tilt)) < 20
 
 
 CONDITIONS: dict[str, Condition] = {
@@ -160,7 +160,7 @@ CONDITIONS: dict[str, Condition] = {
 """Every condition by name."""
 
 
-def _ends_of_speed(scene: Scene) -> tuple[float, float]:
+def _ends_of_speed(scene: Measured) -> tuple[float, float]:
     speed = scene.signals.speed
     third = max(len(speed) // 3, 1)
     return float(speed[:third].mean()), float(speed[-third:].mean())
@@ -170,7 +170,7 @@ def _ends_of_speed(scene: Scene) -> tuple[float, float]:
 class Act:
     """A kind of act."""
 
-    find: Callable[[Scene], list[Event]]
+    find: Callable[[Measured], list[Event]]
     """Finds the events of this kind, of every side."""
     words: tuple[tuple[str, ...], ...] = ()
     """Choices for each word of a term."""
@@ -180,23 +180,23 @@ class Act:
     """Whether an event of several repetitions counts as several."""
 
 
-def _of(*kinds: str, seconds: float = 0.0) -> Callable[[Scene], list[Event]]:
-    return lambda scene: lasting(scene.find(*kinds), seconds)
+def _of(*kinds: str, seconds: float = 0.0) -> Callable[[Measured], list[Event]]:
+    return lambda scene: lasting(scene.all_of(*kinds), seconds)
 
 
-def _moves(*kinds: str) -> Callable[[Scene], list[Event]]:
+def _moves(*kinds: str) -> Callable[[Measured], list[Event]]:
     """Finds moves that travel on the feet, without standing and running in place.
 
     Only stretches of 0.4 s and longer count in which the body is not bent, down or seated.
     """
 
-    def find(scene: Scene) -> list[Event]:
+    def find(scene: Measured) -> list[Event]:
         events = []
-        for move in scene.facts.moves:
+        for move in scene.moves:
             if move.kind not in kinds or move.direction in ("", "place"):
                 continue
             upright: list[Event] = []
-            for posture in scene.facts.postures:
+            for posture in scene.postures:
                 start, end = max(move.start, posture.start), min(move.end, posture.end)
                 if posture.kind in ("stand", "crouch") and end > start:
                     if upright and upright[-1].end == start:
@@ -217,11 +217,11 @@ ACTS: dict[str, Act] = {
     "hop": Act(_of("hop"), (SIDES,)),
     "one_leg": Act(_of("balance"), (SIDES,)),
     "touch": Act(_of("touch_head"), (SIDES, ("head",))),
-    "jump": Act(lambda scene: jumps(scene.find("jump", "hop"))),
+    "jump": Act(lambda scene: jumps(scene.all_of("jump", "hop"))),
     "clap": Act(_of("clap")),
     "squat": Act(_of("squat")),
     "jack": Act(_of("jack")),
-    "bend": Act(lambda scene: bends(scene.facts.events, scene.facts.postures)),
+    "bend": Act(lambda scene: bends(scene.events, scene.postures)),
     "reach_down": Act(_of("pick_up")),
     "arms_out": Act(_of("arms_out"), repeats=False),
     "hands_on_hips": Act(_of("hands_on_hips"), repeats=False),
@@ -233,12 +233,12 @@ ACTS: dict[str, Act] = {
     "kneel": Act(_of("kneel", seconds=0.3), repeats=False),
     "low": Act(_of("crouch", "squat", "kneel", "floor", "lie", seconds=0.3), repeats=False),
     "stand": Act(
-        lambda scene: lasting([p for p in scene.facts.postures if p.kind == "stand"], 0.3),
+        lambda scene: lasting([p for p in scene.postures if p.kind == "stand"], 0.3),
         lasts=True,
         repeats=False,
     ),
     "halt": Act(
-        lambda scene: lasting([move for move in scene.facts.moves if move.kind == "stand"], 0.4),
+        lambda scene: lasting([move for move in scene.moves if move.kind == "stand"], 0.4),
         lasts=True,
         repeats=False,
     ),
@@ -250,7 +250,7 @@ ACTS: dict[str, Act] = {
 """Every act by name; the numbers of `turn` are degrees, all others are counts."""
 
 
-def fulfills(scene: Scene, check: Check) -> bool:
+def fulfills(scene: Measured, check: Check) -> bool:
     """Returns whether a motion meets all requirements, in order if the check has one."""
     if check.ordered:
         pairs = zip(check.terms[:-1], check.terms[1:], strict=True)
@@ -263,7 +263,7 @@ def fulfills(scene: Scene, check: Check) -> bool:
     )
 
 
-def happens(scene: Scene, term: Term) -> bool:
+def happens(scene: Measured, term: Term) -> bool:
     """Returns whether a motion has an act as often as required, and of no other side."""
     act, events = ACTS[term.name], events_of(scene, term)
     one_sided = term.name != "go" and term.words[:1] in ((LEFT,), (RIGHT,))
@@ -274,7 +274,7 @@ def happens(scene: Scene, term: Term) -> bool:
     return least <= number <= most
 
 
-def events_of(scene: Scene, term: Term) -> list[Event]:
+def events_of(scene: Measured, term: Term) -> list[Event]:
     """Returns the events of the act that a term names."""
     events = ACTS[term.name].find(scene)
     if term.name == "go":
@@ -288,7 +288,7 @@ def events_of(scene: Scene, term: Term) -> list[Event]:
     return events
 
 
-def follows(scene: Scene, first: Term, second: Term) -> bool:
+def follows(scene: Measured, first: Term, second: Term) -> bool:
     """Returns whether the second act follows the first.
 
     Of a single event the first occurrence counts. A continuous act must start half a second before
@@ -311,7 +311,7 @@ def follows(scene: Scene, first: Term, second: Term) -> bool:
 
 def meets(check: Check, joints: Float[np.ndarray, "frames 22 3"]) -> bool:
     """Returns whether a motion meets a check, from its joints at 20 frames per second."""
-    return fulfills(scene_of(joints), check)
+    return fulfills(describe(joints), check)
 
 
 def validate(check: Check) -> None:

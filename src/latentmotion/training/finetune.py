@@ -20,7 +20,7 @@ from latentmotion.data.store import MANIFEST, read_manifest
 from latentmotion.errors import DataError, ModelError
 from latentmotion.export import package
 from latentmotion.gpu.backend import find_encoder, torch_pipeline
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.model import card as cards
 from latentmotion.model.card import find_model, lengths_file, read_card
 from latentmotion.model.config import FewStepConfig
@@ -228,7 +228,7 @@ def _rehearsed(settings: FineTuning, model: Path) -> list[Recording]:
         obeying += [
             (instruction, motion.joints)
             for instruction, motion in zip(block, motions, strict=True)
-            if fulfills(scene_of(motion.joints), instruction.check)
+            if fulfills(describe(motion.joints), instruction.check)
         ]
     recordings = []
     for number, (instruction, joints) in enumerate(obeying):

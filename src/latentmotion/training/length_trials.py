@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.errors import DataError, InputError
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_file
@@ -91,7 +91,7 @@ def judged_lengths(
             first = trials.seed * 2**24 + trials.takes * number
             seeds = [first + take for take in range(trials.takes)]
             motions = model.batch([one.prompt] * trials.takes, lengths, seeds)
-            found = [fulfills(scene_of(motion.joints), one.check) for motion in motions]
+            found = [fulfills(describe(motion.joints), one.check) for motion in motions]
             rows.append((one.prompt, list(zip(lengths, found, strict=True))))
             file.write(json.dumps(rows[-1]) + "\n")
             file.flush()

@@ -22,7 +22,7 @@ from latentmotion.diffusion.samplers import SeededNoise, sample, sampler_named
 from latentmotion.engine.backend import FeatureDecoder, representation_of
 from latentmotion.gpu.device import autocast
 from latentmotion.measure.facts import FPS
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.model.config import STRIDE
 from latentmotion.networks.checkpoint import LatentModel
 from latentmotion.storage.files import atomic_file
@@ -195,7 +195,7 @@ def judged(
     speed = np.linalg.norm(velocity, axis=-1)
     slides = float(speed[stands].mean()) if stands.any() else 0.0
     depth = float(np.maximum(-joints[..., 1].min(axis=1), 0).mean())
-    return fulfills(scene_of(joints), instruction.check), slides + depth / DEPTH
+    return fulfills(describe(joints), instruction.check), slides + depth / DEPTH
 
 
 def joined_takes(parts: Sequence[Takes]) -> Takes:

@@ -21,7 +21,7 @@ from latentmotion.data.store import COMPOSED, StoredMotion
 from latentmotion.errors import DataError
 from latentmotion.language.kinds import kinds
 from latentmotion.measure.facts import BOTH, SingleAction
-from latentmotion.measure.scene import scene_of
+from latentmotion.measure.scene import describe
 from latentmotion.representation.splicing import pose_descriptors, splice
 from latentmotion.training.captioning import compose
 from latentmotion.training.captioning.prompting import prompts, prompts_in_order
@@ -228,7 +228,7 @@ class _ActionComposer:
         whole = (0, len(joints))
         side = BOTH if kind == "march" else shot.action.side
         action = replace(shot.action, start=0, end=len(joints), count=times, side=side, act=whole)
-        checked = strictly(action, scene_of(joints))
+        checked = strictly(action, describe(joints))
         if not checked or checked.count != times:
             return self._refuse("count is not found")
         if kind == "march" and times >= 4:
@@ -294,9 +294,9 @@ class _ActionComposer:
         rest = len(joints) - seam
         if min(seam, rest) >= 12:
             action = replace(first.action, start=0, end=seam + 1)
-            before = strictly(action, scene_of(joints[: seam + 1]))
+            before = strictly(action, describe(joints[: seam + 1]))
             action = replace(second.action, start=0, end=rest)
-            after = strictly(action, scene_of(joints[seam:]))
+            after = strictly(action, describe(joints[seam:]))
         if before is None or after is None:
             return self._refuse("actions are not found")
         after = replace(after, start=seam, end=len(joints))

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from latentmotion.language.kinds import kinds
 from latentmotion.measure.facts import BOTH, Event, SingleAction
 from latentmotion.measure.legs import strides_of
-from latentmotion.measure.scene import Scene, scene_of
+from latentmotion.measure.scene import Measured, describe
 from latentmotion.measure.signals import closed_gaps, spans
 from latentmotion.measure.whole_body import stooped
 from latentmotion.training.captioning.strictness import strictly
@@ -43,7 +43,7 @@ _POSTURES = {"sit": "sit", "lie": "lie", "kneel": "kneel", "crouch": "crouch", "
 _MARGINS = {"raise": (8, 18), "punch": (4, 14), "clap": (5, 14), "wave": (6, 18)}
 """Least and most frames of a window before and after an act; others (5, 16)."""
 
-Finder = Callable[[Scene, np.random.Generator], Iterator[SingleAction]]
+Finder = Callable[[Measured, np.random.Generator], Iterator[SingleAction]]
 """Yields candidates, whose windows may show other acts as well."""
 
 _FINDERS: list[Finder] = []
@@ -64,9 +64,9 @@ def single_actions(
     """
     if len(joints) < SHORTEST:
         return []
-    scene = scene_of(joints)
+    scene = describe(joints)
     actions: dict[tuple[str, int, int], SingleAction] = {}
-    windows: dict[tuple[int, int], Scene] = {}
+    windows: dict[tuple[int, int], Measured] = {}
     for candidate in candidates(scene, generator):
         # Training shows multiples of four frames whole.
         action = replace(candidate, end=candidate.start + candidate.frames // 4 * 4)
@@ -76,14 +76,14 @@ def single_actions(
         if key in actions or not SHORTEST <= action.frames <= LONGEST:
             continue
         if window not in windows:
-            windows[window] = scene_of(joints[action.start : action.end])
+            windows[window] = describe(joints[action.start : action.end])
         verified = strictly(action, windows[window])
         if verified:
             actions[key] = verified
     return list(actions.values())
 
 
-def candidates(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def candidates(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Yields windows that may show one action alone."""
     for find in _FINDERS:
         yield from find(scene, generator)
@@ -110,7 +110,7 @@ def _inside(
 
 
 def _widened(
-    scene: Scene,
+    scene: Measured,
     generator: np.random.Generator,
     event: Event,
     before: tuple[int, int],
@@ -118,12 +118,12 @@ def _widened(
 ) -> tuple[int, int]:
     """Draws a window around an event, with the least and most frames before and after it."""
     start = max(event.start - _draw(generator, *before), 0)
-    return start, min(event.end + _draw(generator, *after), scene.facts.frames)
+    return start, min(event.end + _draw(generator, *after), scene.frames)
 
 
 @_finder
-def _gaits(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
-    for move in scene.facts.moves:
+def _gaits(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
+    for move in scene.moves:
         if move.kind in _GAITS and move.direction not in ("", "place") and move.frames >= 20:
             shortest = 28 if move.kind == "walk" else 20
             for _ in range((2 if move.kind == "walk" else 4) + move.frames // 50):
@@ -136,12 +136,12 @@ def _gaits(scene: Scene, generator: np.random.Generator) -> Iterator[SingleActio
                 yield SingleAction(kind, *window, act=window)
 
 
-def _gait_of(scene: Scene, turn: Event) -> str:
+def _gait_of(scene: Measured, turn: Event) -> str:
     """Returns the gait of a turn that is walked, jogged or run; nothing in place."""
     if turn.direction != "walking":
         return ""
     shared = dict.fromkeys(_GAITS, 0)
-    for move in scene.facts.moves:
+    for move in scene.moves:
         if move.kind in _GAITS and move.direction != "place":
             shared[move.kind] += turn.overlap(move)
     best = max(_GAITS, key=lambda kind: shared[kind])
@@ -149,8 +149,8 @@ def _gait_of(scene: Scene, turn: Event) -> str:
 
 
 @_finder
-def _turns(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
-    for turn in scene.facts.turns:
+def _turns(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
+    for turn in scene.turns:
         gait = _gait_of(scene, turn)
         if turn.direction == "walking" and not gait:
             continue
@@ -167,10 +167,10 @@ def _turns(scene: Scene, generator: np.random.Generator) -> Iterator[SingleActio
 
 
 @_finder
-def _turns_with_gait(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def _turns_with_gait(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds a straight gait before or after a turn, or both."""
-    frames = scene.facts.frames
-    for turn in scene.facts.turns:
+    frames = scene.frames
+    for turn in scene.turns:
         before, after = _straight(scene, turn, -1), _straight(scene, turn, 1)
         gaits = {kind for kind, _ in (before, after) if kind}
         act = (turn.start, turn.end)
@@ -186,11 +186,11 @@ def _turns_with_gait(scene: Scene, generator: np.random.Generator) -> Iterator[S
             yield SingleAction("turn_and_return", first, last, turn.side, gait=before[0], act=act)
 
 
-def _straight(scene: Scene, turn: Event, step: int) -> tuple[str, int]:
+def _straight(scene: Measured, turn: Event, step: int) -> tuple[str, int]:
     """Returns the gait before (-1) or after (1) a turn, and the frames for which it is straight."""
     edge = turn.end if step > 0 else turn.start - 1
     heading = np.degrees(scene.signals.heading)
-    for move in scene.facts.moves:
+    for move in scene.moves:
         if not (move.start <= edge + 4 * step < move.end and move.kind in _GAITS):
             continue
         if move.direction != "forward":
@@ -205,9 +205,9 @@ def _straight(scene: Scene, turn: Event, step: int) -> tuple[str, int]:
 
 
 @_finder
-def _changes(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def _changes(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds starts, stops and changes between walking and running."""
-    for one, two in pairwise(scene.facts.moves):
+    for one, two in pairwise(scene.moves):
         before, after = ("run" if move.kind in _RUNS else move.kind for move in (one, two))
         kind = {
             ("stand", "walk"): "start_walking",
@@ -229,9 +229,9 @@ def _changes(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAct
 
 
 @_finder
-def _paces(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def _paces(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds windows in which the body gets faster or slower."""
-    frames = scene.facts.frames
+    frames = scene.frames
     for _ in range(2 + frames // 30 if frames >= 40 else 0):
         window = _inside(generator, 0, frames, 32, 120)
         speed = scene.signals.speed[slice(*window)]
@@ -246,8 +246,8 @@ def _paces(scene: Scene, generator: np.random.Generator) -> Iterator[SingleActio
 
 
 @_finder
-def _weaving(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
-    turns = scene.facts.turns
+def _weaving(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
+    turns = scene.turns
     for index in range(len(turns) - 1):
         for count in (2, 3, 4):
             group = turns[index : index + count]
@@ -263,9 +263,9 @@ def _weaving(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAct
 
 
 @_finder
-def _steps(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def _steps(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds one to six steps; the body stands before them, after them or both."""
-    strides, frames = strides_of(scene.signals), scene.facts.frames
+    strides, frames = strides_of(scene.signals), scene.frames
     actions = []
     for count in range(1, 7):
         for first in range(len(strides) - count + 1):
@@ -287,18 +287,18 @@ def _steps(scene: Scene, generator: np.random.Generator) -> Iterator[SingleActio
 
 
 @_finder
-def _standing(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
-    for move in scene.facts.moves:
+def _standing(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
+    for move in scene.moves:
         if move.kind == "stand" and move.frames >= 24:
             window = _inside(generator, move.start, move.end, 24, 160)
             yield SingleAction("stand", *window, act=window)
 
 
 @_finder
-def _series(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def _series(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds acts of a kind, one or several that follow each other within two seconds."""
     for kind, most in _COUNTED.items():
-        events = scene.find(kind)
+        events = scene.all_of(kind)
         for first in range(len(events)):
             for last in range(first, min(first + most, len(events))):
                 group = events[first : last + 1]
@@ -311,13 +311,13 @@ def _series(scene: Scene, generator: np.random.Generator) -> Iterator[SingleActi
                 least, margin = _MARGINS.get(kind, (5, 16))
                 before = start - max((event.end for event in events[:first]), default=0)
                 following = events[last + 1 :]
-                after = (following[0].start if following else scene.facts.frames) - end
+                after = (following[0].start if following else scene.frames) - end
                 before, after = min(before, margin), min(after, margin)
                 count = sum(event.count for event in group) if kind != "wave" else 1
                 for _ in range(2 if min(before, after) >= 2 else 0):
                     begin = max(start - _draw(generator, min(least, before), before), 0)
                     until = end + _draw(generator, min(least, after), after)
-                    window = (begin, min(until, scene.facts.frames))
+                    window = (begin, min(until, scene.frames))
                     yield SingleAction(kind, *window, side, count=count, act=(start, end))
 
 
@@ -335,9 +335,9 @@ def _side(kind: str, group: list[Event]) -> str | None:
 
 
 @_finder
-def _raises(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def _raises(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds a hand that goes up and stays there until the window ends."""
-    for event in scene.find("raise"):
+    for event in scene.all_of("raise"):
         if event.frames < 14 or event.start < 8:
             continue
         start = event.start - _draw(generator, 8, min(event.start, 20))
@@ -346,10 +346,10 @@ def _raises(scene: Scene, generator: np.random.Generator) -> Iterator[SingleActi
 
 
 @_finder
-def _held(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def _held(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds poses that are held."""
     for kind in _HELD:
-        for event in scene.find(kind):
+        for event in scene.all_of(kind):
             for _ in range(2 if event.frames >= 10 else 0):
                 start, end = _widened(scene, generator, event, (2, 16), (2, 16))
                 if end - start > 120:
@@ -358,17 +358,17 @@ def _held(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction
                 yield SingleAction(kind, start, end, side, act=(event.start, event.end))
 
 
-def _posture_at(scene: Scene, frame: int) -> str:
-    for posture in scene.facts.postures:
+def _posture_at(scene: Measured, frame: int) -> str:
+    for posture in scene.postures:
         if posture.start <= max(frame, 0) < posture.end:
             return posture.kind
     return ""
 
 
 @_finder
-def _rises(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def _rises(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds getting up from a seat or from the floor."""
-    for event in scene.find("stand_up", "get_up"):
+    for event in scene.all_of("stand_up", "get_up"):
         before = _posture_at(scene, event.start - 2)
         kind = "stand_up" if event.kind == "stand_up" and before == "sit" else "get_up"
         for _ in range(0 if event.kind == "stand_up" and before == "kneel" else 2):
@@ -377,9 +377,9 @@ def _rises(scene: Scene, generator: np.random.Generator) -> Iterator[SingleActio
 
 
 @_finder
-def _lowerings(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def _lowerings(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds sitting, lying and kneeling down from standing."""
-    for event in scene.find(*_LOWERED):
+    for event in scene.all_of(*_LOWERED):
         kind = _LOWERED[event.kind]
         if kind == "sit_down" and _posture_at(scene, event.end - 2) == "floor":
             kind = "sit_floor"
@@ -389,17 +389,17 @@ def _lowerings(scene: Scene, generator: np.random.Generator) -> Iterator[SingleA
 
 
 @_finder
-def _pick_ups(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
-    for event in scene.find("pick_up"):
+def _pick_ups(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
+    for event in scene.all_of("pick_up"):
         for _ in range(2):
             window = _widened(scene, generator, event, (3, 16), (3, 16))
             yield SingleAction("pick_up", *window, event.side, act=(event.start, event.end))
 
 
 @_finder
-def _postures(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def _postures(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds postures that are held: sitting, lying, kneeling, crouching, sitting on the floor."""
-    for posture in scene.facts.postures:
+    for posture in scene.postures:
         kind = _POSTURES.get(posture.kind)
         if kind is None or posture.frames < (10 if kind == "crouch" else 20):
             continue
@@ -412,9 +412,9 @@ def _postures(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAc
 
 
 @_finder
-def _low_gaits(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
+def _low_gaits(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds crawling, and walking stooped."""
-    for event in scene.find("crawl"):
+    for event in scene.all_of("crawl"):
         for _ in range(3 if event.frames >= 20 else 0):
             window = _inside(generator, event.start, event.end, 20, 140)
             yield SingleAction("crawl", *window, act=window)
@@ -426,8 +426,8 @@ def _low_gaits(scene: Scene, generator: np.random.Generator) -> Iterator[SingleA
 
 
 @_finder
-def _climbs(scene: Scene, generator: np.random.Generator) -> Iterator[SingleAction]:
-    for event in scene.find("climb"):
+def _climbs(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
+    for event in scene.all_of("climb"):
         window = _widened(scene, generator, event, (4, 20), (4, 20))
         act = (event.start, event.end)
         yield SingleAction("climb", *window, direction=event.direction, act=act)

@@ -9,11 +9,11 @@ import numpy as np
 
 from latentmotion.language.kinds import kinds
 from latentmotion.measure.facts import FPS, LEFT, RIGHT, SingleAction
-from latentmotion.measure.scene import Scene, meters, reportable_kinds
+from latentmotion.measure.scene import Measured, meters, reportable_kinds
 from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stooped
 
-Check = Callable[[SingleAction, Scene], SingleAction | None]
+Check = Callable[[SingleAction, Measured], SingleAction | None]
 """Returns an action as a window shows it; None where the window does not show it."""
 
 CALM = frozenset(kinds("calm"))
@@ -48,16 +48,16 @@ def _checks(*kinds: str) -> Callable[[Check], Check]:
     return register
 
 
-def _is_upright(scene: Scene) -> bool:
-    standing = sum(posture.frames for posture in scene.facts.postures if posture.kind == "stand")
-    runs = any(move.kind in ("jog", "run") for move in scene.facts.moves)
+def _is_upright(scene: Measured) -> bool:
+    standing = sum(posture.frames for posture in scene.postures if posture.kind == "stand")
+    runs = any(move.kind in ("jog", "run") for move in scene.moves)
     height, lean = (0.72, 40) if runs else (0.8, 25)
     low = (scene.signals.joints[:, 0, 1] < height) | (scene.signals.lean > lean)
-    upright = standing > 0.95 * scene.facts.frames and float(low.mean()) < (0.3 if runs else 0.15)
+    upright = standing > 0.95 * scene.frames and float(low.mean()) < (0.3 if runs else 0.15)
     return upright and not _spreads_arms(scene)
 
 
-def _spreads_arms(scene: Scene) -> bool:
+def _spreads_arms(scene: Measured) -> bool:
     """Whether both arms are held out for half a second, as actors do before a take."""
     outward = [
         (scene.signals.of(f"{side}_wrist") - scene.signals.of(f"{side}_shoulder"))[:, 0] * sign
@@ -66,30 +66,30 @@ def _spreads_arms(scene: Scene) -> bool:
     return int((np.minimum(*outward) > 0.28).sum()) >= 10
 
 
-def _is_straight(scene: Scene, turned: float) -> bool:
+def _is_straight(scene: Measured, turned: float) -> bool:
     """Whether the path is straight and the heading changes by at most so many degrees."""
     points = scene.signals.joints[:, 0, ::2]
     net = float(np.linalg.norm(points[-1] - points[0]))
     heading = np.degrees(scene.signals.heading)
     return (
-        abs(scene.facts.path.turned) <= turned
+        abs(scene.path.turned) <= turned
         and np.ptp(heading) <= turned + 20
-        and net >= 0.9 * scene.facts.path.length
+        and net >= 0.9 * scene.path.length
     )
 
 
 @_checks("walk", "jog", "run")
-def _gait(action: SingleAction, scene: Scene) -> SingleAction | None:
+def _gait(action: SingleAction, scene: Measured) -> SingleAction | None:
     kinds = {"walk"} if action.kind == "walk" else {"jog", "run"}
     if reportable_kinds(scene) - CALM - kinds or not _is_upright(scene):
         return None
-    moves = [move for move in scene.facts.moves if move.kind != "stand"]
+    moves = [move for move in scene.moves if move.kind != "stand"]
     if {move.direction for move in moves} != {action.direction}:
         return None
     if not {move.kind for move in moves} <= kinds:
         return None
-    moving = sum(move.frames for move in moves) / scene.facts.frames
-    if moving < 0.9 or not _is_straight(scene, 18) or scene.facts.path.length < 0.5:
+    moving = sum(move.frames for move in moves) / scene.frames
+    if moving < 0.9 or not _is_straight(scene, 18) or scene.path.length < 0.5:
         return None
     speed = float(scene.signals.speed.mean())
     kind = action.kind if action.kind == "walk" else "run" if speed > 2.6 else "jog"
@@ -101,8 +101,8 @@ def _gait(action: SingleAction, scene: Scene) -> SingleAction | None:
 
 
 @_checks("turn", "circle", "half_circle")
-def _turn(action: SingleAction, scene: Scene) -> SingleAction | None:
-    facts, net = scene.facts, scene.facts.path.turned
+def _turn(action: SingleAction, scene: Measured) -> SingleAction | None:
+    facts, net = scene, scene.path.turned
     turns, length, degrees = facts.turns, facts.path.length, abs(net)
     if reportable_kinds(scene) - CALM - _GAITS - {"turn"} or not turns:
         return None
@@ -131,13 +131,13 @@ def _turn(action: SingleAction, scene: Scene) -> SingleAction | None:
 
 
 @_checks("walk_then_turn", "turn_then_walk", "turn_and_return")
-def _turn_with_gait(action: SingleAction, scene: Scene) -> SingleAction | None:
+def _turn_with_gait(action: SingleAction, scene: Measured) -> SingleAction | None:
     """Checks a turn with 0.5 m and more of a straight path before it, after it or both."""
-    turns, degrees = scene.facts.turns, abs(scene.facts.path.turned)
+    turns, degrees = scene.turns, abs(scene.path.turned)
     other_kinds = reportable_kinds(scene) - CALM - _GAITS - {"turn"}
     if other_kinds or len(turns) != 1 or not _is_upright(scene):
         return None
-    moves = [move for move in scene.facts.moves if move.kind in _GAITS]
+    moves = [move for move in scene.moves if move.kind in _GAITS]
     if {m.kind for m in moves} != {action.gait} or any(m.direction == "place" for m in moves):
         return None
     if turns[0].side != action.side or abs(turns[0].amount - degrees) > 25 or degrees < 30:
@@ -155,14 +155,14 @@ def _turn_with_gait(action: SingleAction, scene: Scene) -> SingleAction | None:
 
 
 @_checks(*_STAGES)
-def _change(action: SingleAction, scene: Scene) -> SingleAction | None:
+def _change(action: SingleAction, scene: Measured) -> SingleAction | None:
     """Checks a start, a stop, or a change of gait: the moves are these two, straight."""
     other_kinds = reportable_kinds(scene) - CALM - _GAITS - {"turn"}
-    if other_kinds or abs(scene.facts.path.turned) > 40 or not _is_upright(scene):
+    if other_kinds or abs(scene.path.turned) > 40 or not _is_upright(scene):
         return None
-    if any(turn.amount > 50 for turn in scene.facts.turns):
+    if any(turn.amount > 50 for turn in scene.turns):
         return None
-    moves = [move for move in scene.facts.moves if move.frames >= 8]
+    moves = [move for move in scene.moves if move.frames >= 8]
     kinds = [_CLASS.get(move.kind, "") for move in moves]
     stages = [kind for n, kind in enumerate(kinds) if n == 0 or kinds[n - 1] != kind]
     if stages != _STAGES[action.kind] or any(move.direction == "place" for move in moves):
@@ -176,8 +176,8 @@ def _change(action: SingleAction, scene: Scene) -> SingleAction | None:
 
 
 @_checks("speed_up", "slow_down")
-def _paces(action: SingleAction, scene: Scene) -> SingleAction | None:
-    moves = scene.facts.moves
+def _paces(action: SingleAction, scene: Measured) -> SingleAction | None:
+    moves = scene.moves
     if reportable_kinds(scene) - CALM - _GAITS:
         return None
     if not _is_upright(scene) or not _is_straight(scene, 40):
@@ -191,42 +191,42 @@ def _paces(action: SingleAction, scene: Scene) -> SingleAction | None:
 
 
 @_checks("weave")
-def _weaves(action: SingleAction, scene: Scene) -> SingleAction | None:
+def _weaves(action: SingleAction, scene: Measured) -> SingleAction | None:
     if reportable_kinds(scene) - CALM - _GAITS - {"turn"} or not _is_upright(scene):
         return None
     left, ahead = scene.signals.velocity.T
     moving = scene.signals.speed > 0.3
     course = np.degrees(np.unwrap(scene.signals.heading + np.arctan2(left, ahead))[moving])
-    if moving.mean() < 0.85 or scene.facts.path.length < 1.6 or abs(scene.facts.path.turned) > 80:
+    if moving.mean() < 0.85 or scene.path.length < 1.6 or abs(scene.path.turned) > 80:
         return None
     swings = sum(len(peaks(c - c.min(), 0, 25)) for c in (course, -course))
-    kinds = {move.kind for move in scene.facts.moves if move.kind in _GAITS}
+    kinds = {move.kind for move in scene.moves if move.kind in _GAITS}
     return action if swings >= 2 and kinds == {action.gait} else None
 
 
 @_checks("steps")
-def _steps(action: SingleAction, scene: Scene) -> SingleAction | None:
-    if reportable_kinds(scene) - CALM - {"walk"} or scene.facts.turns or not _is_upright(scene):
+def _steps(action: SingleAction, scene: Measured) -> SingleAction | None:
+    if reportable_kinds(scene) - CALM - {"walk"} or scene.turns or not _is_upright(scene):
         return None
     distances = meters(scene)
     direction = max(distances, key=lambda name: distances[name])
     least = max(0.2 * action.count, 0.8 * sum(distances.values()))
-    if scene.facts.steps != action.count or distances[direction] < least:
+    if scene.steps != action.count or distances[direction] < least:
         return None
-    return replace(action, direction=direction) if abs(scene.facts.path.turned) <= 30 else None
+    return replace(action, direction=direction) if abs(scene.path.turned) <= 30 else None
 
 
 @_checks("sneak")
-def _sneaks(action: SingleAction, scene: Scene) -> SingleAction | None:
+def _sneaks(action: SingleAction, scene: Measured) -> SingleAction | None:
     low = stooped(scene.signals)
-    postures = {posture.kind for posture in scene.facts.postures}
-    moves = [move for move in scene.facts.moves if move.kind in _GAITS]
+    postures = {posture.kind for posture in scene.postures}
+    moves = [move for move in scene.moves if move.kind in _GAITS]
     if low.mean() <= 0.8 or not postures <= {"stand", "crouch", "bend"}:
         return None
-    if {move.kind for move in moves} != {"walk"} or scene.facts.path.length < 0.6:
+    if {move.kind for move in moves} != {"walk"} or scene.path.length < 0.6:
         return None
     allowed = CALM | {"walk", "turn", "stay_crouch", "stay_bend", "bow", "squat"}
-    if abs(scene.facts.path.turned) > 60 or reportable_kinds(scene) - allowed:
+    if abs(scene.path.turned) > 60 or reportable_kinds(scene) - allowed:
         return None
     directions = {move.direction for move in moves}
     shown = len(directions) == 1 and directions <= {"forward", "backward"}

@@ -9,7 +9,7 @@ import numpy as np
 
 from latentmotion.language.kinds import limits
 from latentmotion.measure.facts import BOTH, LEFT, RIGHT, SIDES, Event, SingleAction
-from latentmotion.measure.scene import Scene, highest_hand, in_place, meters, reportable_kinds
+from latentmotion.measure.scene import Measured, highest_hand, in_place, meters, reportable_kinds
 from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stillness
 from latentmotion.training.captioning.strict_locomotion import CALM, LOCOMOTION_CHECKS, Check
@@ -74,7 +74,7 @@ _CHECKS: dict[str, Check] = {}
 """Checks of acts and postures by kind of action."""
 
 
-def strictly(action: SingleAction, scene: Scene) -> SingleAction | None:
+def strictly(action: SingleAction, scene: Measured) -> SingleAction | None:
     """Returns the action as its window shows it, measured anew; None where it shows more, or less.
 
     Args:
@@ -83,7 +83,7 @@ def strictly(action: SingleAction, scene: Scene) -> SingleAction | None:
     """
     if action.kind in LOCOMOTION_CHECKS:
         return LOCOMOTION_CHECKS[action.kind](action, scene)
-    limits, path = _LIMITS[action.kind], scene.facts.path
+    limits, path = _LIMITS[action.kind], scene.path
     if path.length > limits.travel or abs(path.turned) > limits.turned:
         return None
     if reportable_kinds(scene) - limits.also:
@@ -108,23 +108,23 @@ def _of_side(action: SingleAction, events: list[Event]) -> bool:
 
 
 @_checks("clap", "jack", "bow")
-def _repeated(action: SingleAction, scene: Scene) -> SingleAction | None:
-    events = scene.find(action.kind)
+def _repeated(action: SingleAction, scene: Measured) -> SingleAction | None:
+    events = scene.all_of(action.kind)
     count = sum(event.count for event in events)
     return action if _of_side(action, events) and count == action.count else None
 
 
 @_checks("squat")
-def _squats(action: SingleAction, scene: Scene) -> SingleAction | None:
-    events = scene.find("squat")
+def _squats(action: SingleAction, scene: Measured) -> SingleAction | None:
+    events = scene.all_of("squat")
     planted = float(scene.signals.feet.max()) < 0.15
     shown = _of_side(action, events) and len(events) == action.count
     return action if planted and shown else None
 
 
 @_checks("jump", "hop")
-def _jumps(action: SingleAction, scene: Scene) -> SingleAction | None:
-    events = scene.find("jump", "hop")
+def _jumps(action: SingleAction, scene: Measured) -> SingleAction | None:
+    events = scene.all_of("jump", "hop")
     if len(events) != action.count or any(e.amount < limits("rise")[e.kind] for e in events):
         return None
     if action.kind == "jump" and any(event.kind == "hop" for event in events):
@@ -138,24 +138,24 @@ def _jumps(action: SingleAction, scene: Scene) -> SingleAction | None:
     distances = meters(scene)
     direction = max(distances, key=lambda name: distances[name])
     far = distances[direction] > (0.3 if direction == "forward" else 0.2)
-    if not far and scene.facts.path.length >= 0.4:
+    if not far and scene.path.length >= 0.4:
         return None
     return replace(action, direction=direction if far else "")
 
 
 @_checks("kick")
-def _kicks(action: SingleAction, scene: Scene) -> SingleAction | None:
-    events = scene.find("kick")
-    if not _of_side(action, events) or len(events) != action.count or scene.find("hop"):
+def _kicks(action: SingleAction, scene: Measured) -> SingleAction | None:
+    events = scene.all_of("kick")
+    if not _of_side(action, events) or len(events) != action.count or scene.all_of("hop"):
         return None
     directions = {event.direction for event in events}
     return replace(action, direction=directions.pop() if len(directions) == 1 else "")
 
 
 @_checks("punch")
-def _punches(action: SingleAction, scene: Scene) -> SingleAction | None:
-    events = scene.find("punch")
-    if len(events) != action.count or scene.find("wave"):
+def _punches(action: SingleAction, scene: Measured) -> SingleAction | None:
+    events = scene.all_of("punch")
+    if len(events) != action.count or scene.all_of("wave"):
         return None
     sides = {event.side for event in events}
     right = sides == {action.side} or (action.side == BOTH and len(sides) == 2)
@@ -164,18 +164,18 @@ def _punches(action: SingleAction, scene: Scene) -> SingleAction | None:
 
 
 @_checks("wave")
-def _waves(action: SingleAction, scene: Scene) -> SingleAction | None:
+def _waves(action: SingleAction, scene: Measured) -> SingleAction | None:
     others = [side for side in SIDES if action.side not in (side, BOTH)]
     others_down = all(highest_hand(scene, side) < 0.05 for side in others)
     calm = np.degrees(np.ptp(scene.signals.heading)) < 50
-    right = {event.side for event in scene.find("wave")} == {action.side}
+    right = {event.side for event in scene.all_of("wave")} == {action.side}
     return action if right and others_down and calm else None
 
 
 @_checks("raise")
-def _raises(action: SingleAction, scene: Scene) -> SingleAction | None:
-    events = scene.find("raise")
-    if scene.find("wave", "punch", "clap", "arm_circle") or len(events) != action.count:
+def _raises(action: SingleAction, scene: Measured) -> SingleAction | None:
+    events = scene.all_of("raise")
+    if scene.all_of("wave", "punch", "clap", "arm_circle") or len(events) != action.count:
         return None
     if any(event.side != action.side or event.amount < 0.12 for event in events):
         return None
@@ -187,9 +187,9 @@ def _raises(action: SingleAction, scene: Scene) -> SingleAction | None:
 
 
 @_checks("knee")
-def _knees(action: SingleAction, scene: Scene) -> SingleAction | None:
-    events = scene.find("knee")
-    if scene.find("kick", "hop", "jump") or len(events) != action.count:
+def _knees(action: SingleAction, scene: Measured) -> SingleAction | None:
+    events = scene.all_of("knee")
+    if scene.all_of("kick", "hop", "jump") or len(events) != action.count:
         return None
     sides = {event.side for event in events}
     shown = len(sides) == 2 if action.side == BOTH else sides == {action.side}
@@ -197,7 +197,7 @@ def _knees(action: SingleAction, scene: Scene) -> SingleAction | None:
 
 
 @_checks("march", "jog_in_place")
-def _marches(action: SingleAction, scene: Scene) -> SingleAction | None:
+def _marches(action: SingleAction, scene: Measured) -> SingleAction | None:
     if not in_place(scene, 0.6):
         return None
     lifts = [len(peaks(foot, 0.05, 0.05)) for foot in scene.signals.feet.T]
@@ -205,21 +205,21 @@ def _marches(action: SingleAction, scene: Scene) -> SingleAction | None:
 
 
 @_checks("pick_up")
-def _pick_ups(action: SingleAction, scene: Scene) -> SingleAction | None:
-    events, postures = scene.find("pick_up"), scene.facts.postures
+def _pick_ups(action: SingleAction, scene: Measured) -> SingleAction | None:
+    events, postures = scene.all_of("pick_up"), scene.postures
     shown = len(events) == 1 and postures[0].kind == postures[-1].kind == "stand"
     return replace(action, side=events[0].side) if shown else None
 
 
 @_checks("balance", "arms_out", "hands_on_hips", "touch_head")
-def _poses(action: SingleAction, scene: Scene) -> SingleAction | None:
-    events = scene.find(action.kind)
-    held = sum(event.frames for event in events) > 0.4 * scene.facts.frames
+def _poses(action: SingleAction, scene: Measured) -> SingleAction | None:
+    events = scene.all_of(action.kind)
+    held = sum(event.frames for event in events) > 0.4 * scene.frames
     if action.kind == "touch_head":
         held &= highest_hand(scene, RIGHT if action.side == LEFT else LEFT) <= -0.1
     if action.kind == "hands_on_hips":
         # Both hands are at the sides of the waist, elbows out, and not in front of the belly.
-        at_hips = np.ones(scene.facts.frames, bool)
+        at_hips = np.ones(scene.frames, bool)
         for side, sign in ((LEFT, 1), (RIGHT, -1)):
             wrist, elbow = scene.signals.of(f"{side}_wrist"), scene.signals.of(f"{side}_elbow")
             high = wrist[:, 1] - scene.signals.joints[:, 0, 1]
@@ -230,8 +230,8 @@ def _poses(action: SingleAction, scene: Scene) -> SingleAction | None:
 
 
 @_checks("arm_circle")
-def _arm_circles(action: SingleAction, scene: Scene) -> SingleAction | None:
-    events = scene.find("arm_circle")
+def _arm_circles(action: SingleAction, scene: Measured) -> SingleAction | None:
+    events = scene.all_of("arm_circle")
     if {event.side for event in events} != {action.side}:
         return None
     count = sum(event.count for event in events)
@@ -254,14 +254,14 @@ _SEQUENCES = {
 
 
 @_checks(*_SEQUENCES)
-def _postures(action: SingleAction, scene: Scene) -> SingleAction | None:
+def _postures(action: SingleAction, scene: Measured) -> SingleAction | None:
     seat = action.kind in ("sit_down", "sit", "stand_up")
     if seat and float(scene.signals.joints[:, 0, 1].min()) <= 0.35:  # lower than a low stool
         return None
     for stages in map(str.split, _SEQUENCES[action.kind]):
         kept = [
             posture.kind
-            for posture in scene.facts.postures
+            for posture in scene.postures
             if posture.kind in stages
             or posture.frames >= (30 if posture.kind in ("bend", "crouch") else 16)
         ]
@@ -271,26 +271,26 @@ def _postures(action: SingleAction, scene: Scene) -> SingleAction | None:
 
 
 @_checks("lie")
-def _lies(action: SingleAction, scene: Scene) -> SingleAction | None:
-    alone = {posture.kind for posture in scene.facts.postures} == {"lie"}
-    return action if alone and scene.facts.activity < 0.35 else None
+def _lies(action: SingleAction, scene: Measured) -> SingleAction | None:
+    alone = {posture.kind for posture in scene.postures} == {"lie"}
+    return action if alone and scene.activity < 0.35 else None
 
 
 @_checks("crawl")
-def _crawls(action: SingleAction, scene: Scene) -> SingleAction | None:
-    held = sum(event.frames for event in scene.find("crawl"))
-    return action if held > 0.8 * scene.facts.frames else None
+def _crawls(action: SingleAction, scene: Measured) -> SingleAction | None:
+    held = sum(event.frames for event in scene.all_of("crawl"))
+    return action if held > 0.8 * scene.frames else None
 
 
 @_checks("climb")
-def _climbs(action: SingleAction, scene: Scene) -> SingleAction | None:
-    events = scene.find("climb")
+def _climbs(action: SingleAction, scene: Measured) -> SingleAction | None:
+    events = scene.all_of("climb")
     return action if [event.direction for event in events] == [action.direction] else None
 
 
 @_checks("stand")
-def _stands(action: SingleAction, scene: Scene) -> SingleAction | None:
+def _stands(action: SingleAction, scene: Measured) -> SingleAction | None:
     still = stillness(scene.signals).mean() >= 0.85
-    standing = all(posture.kind == "stand" for posture in scene.facts.postures)
+    standing = all(posture.kind == "stand" for posture in scene.postures)
     hands_down = all(highest_hand(scene, side) < -0.15 for side in SIDES)
     return action if still and standing and hands_down else None
