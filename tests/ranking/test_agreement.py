@@ -163,12 +163,12 @@ ROWS = [
 
 @pytest.mark.parametrize(("motion", "sentence", "verdict"), ROWS)
 def test_verdicts(motion: str, sentence: str, verdict: str) -> None:
-    found = check(f"a person {sentence}", acted.scene(motion).facts)
+    found = check(f"a person {sentence}", acted.scene(motion))
     assert found.verdict == verdict, found.reasons
 
 
 def test_the_worst_claim_decides() -> None:
-    found = check("a person walks forward, waves and jumps", acted.scene("walk").facts)
+    found = check("a person walks forward, waves and jumps", acted.scene("walk"))
     assert found.verdicts == ("agrees", "silent", "contradicts")
     assert found.verdict == "contradicts"
     assert len(found.claims) == len(found.reasons) == 3
@@ -178,24 +178,23 @@ def test_the_worst_claim_decides() -> None:
 
 
 def test_reasons_name_what_was_found() -> None:
-    found = acted.scene("kick").facts
+    found = acted.scene("kick")
     assert check("kicks with the right leg", found).reasons == ("kick: found left, expected right",)
     assert check("kicks twice", found).reasons == ("kick: found 1, told 2",)
     assert (
-        "earlier"
-        in check("a person waves, then walks", acted.scene("walk, then wave").facts).reasons[1]
+        "earlier" in check("a person waves, then walks", acted.scene("walk, then wave")).reasons[1]
     )
 
 
 def test_claims_may_be_given_instead_of_a_sentence() -> None:
     claims = (Claim("kick", "left"),)
-    assert check(claims, acted.scene("kick").facts) == check(
-        "kicks with the left leg", acted.scene("kick").facts
+    assert check(claims, acted.scene("kick")) == check(
+        "kicks with the left leg", acted.scene("kick")
     )
 
 
 def test_a_sentence_without_claims_is_silent() -> None:
-    found = check("a person dances to music", acted.scene("walk").facts)
+    found = check("a person dances to music", acted.scene("walk"))
     assert (found.claims, found.verdict) == ((), "silent")
 
 
@@ -248,12 +247,12 @@ def test_a_twist_of_the_trunk_leaves_a_turn_open() -> None:
 
 
 def test_a_jump_while_running_may_be_missed() -> None:
-    assert check("a person runs and jumps", acted.scene("run").facts).verdicts[1] == "silent"
-    assert check("a person walks and jumps", acted.scene("walk").facts).verdicts[1] == "contradicts"
+    assert check("a person runs and jumps", acted.scene("run")).verdicts[1] == "silent"
+    assert check("a person walks and jumps", acted.scene("walk")).verdicts[1] == "contradicts"
 
 
 def test_events_that_a_claim_may_mean() -> None:
-    found = acted.scene("sit down").facts
+    found = acted.scene("sit down")
     assert [event.kind for event in events_for("sit", found)] == ["sit_down", "sit"]
     assert events_for("kick", found) == ()
     (sit,) = claims_of("sits down")

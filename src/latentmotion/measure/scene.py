@@ -1,4 +1,4 @@
-"""Joints → description and scene: all measurements of a motion."""
+"""Joints → description: all measurements of a motion."""
 
 from __future__ import annotations
 
