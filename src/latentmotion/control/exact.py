@@ -33,14 +33,14 @@ Offsets = Float[np.ndarray, "frames 3"]
 BLEND = 0.5
 """Seconds in which an offset comes and goes."""
 
+# Meters that a standing foot may be moved by an offset that comes and goes.
 _STILL = 1e-4
-"""Meters that a standing foot may be moved by an offset that comes and goes."""
 
+# Rounds in which body and limbs share the distance that a limb is too short for.
 _ROUNDS = 6
-"""Rounds in which body and limbs share the distance that a limb is too short for."""
 
+# Share of its length to which an arm or a leg is stretched for a goal.
 _STRETCHED = 0.999
-"""Share of its length to which an arm or a leg is stretched for a goal."""
 
 
 def hold_targets(joints: Joints, targets: Targets, fps: float, skeleton: Skeleton) -> Joints:
