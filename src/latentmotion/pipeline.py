@@ -741,7 +741,7 @@ class MotionPipeline(PickledByFields):
     def usual_seconds(self, prompts: Sequence[str]) -> list[float] | None:
         """Returns the length in seconds that the model predicts for each prompt.
 
-        It is no shorter or longer than a single act usually lasts (`language.request`).
+        It is no shorter or longer than a single act usually lasts (`language.reading`).
 
         Returns:
             None if the model predicts no lengths.
