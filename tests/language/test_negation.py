@@ -26,6 +26,7 @@ from latentmotion.language.reading import asked_exactly, claims_of, request_of
         ("strikes a T-pose without moving the man's legs", "strikes a T-pose"),
         ("stands still, no movement at all", "stands still, no movement at all"),
         ("don't move at all", "don't move at all"),
+        ("shakes his head no and crosses his arms", "shakes his head no and crosses his arms"),
         ("", ""),
     ],
 )

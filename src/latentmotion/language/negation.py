@@ -76,6 +76,8 @@ def _negates(tokens: Sequence[Token], at: int) -> bool:
     if text not in listed("negation"):
         refuses = text in listed("refusal")
         return refuses or (text in ("instead", "rather") and following in ("of", "than"))
+    if text == "no" and following in ("", *_LEFT_OVER, *STOPS):
+        return False  # an answer: "shakes the head no and crosses the arms"
     still = following in ("moving", "move", "movement")
     still &= after in ("", "forward", "at", "anymore") or after in STOPS
     return not still and following not in ("only", "longer")
