@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.cli import completion
+from latentmotion.cli import usage
 from latentmotion.cli.main import main
 from latentmotion.errors import MissingExtraError
 
@@ -51,6 +51,6 @@ def test_commands_of_missing_extras_are_completed_by_their_names(
     def refuse(name: str) -> None:
         raise error
 
-    monkeypatch.setattr(completion, "import_module", refuse)
+    monkeypatch.setattr(usage, "import_module", refuse)
     main(["completion", "zsh"])
     assert "text-encoder" in capsys.readouterr().out

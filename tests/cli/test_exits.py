@@ -26,6 +26,7 @@ from latentmotion.errors import (
 )
 from latentmotion.evaluation.protocol import CLEAN, PAPER
 from latentmotion.motion import Motion
+from tests.cli.conftest import Refused
 from tests.support.mocap_folders import write_own
 from tests.support.moving_figures import write_moving_figures
 from tests.support.simple_motions import figure
@@ -184,19 +185,9 @@ WRONG = {
 
 @pytest.mark.parametrize("words", WRONG)
 def test_mistakes_are_told_before_anything_is_written(
-    words: str,
-    place: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    words: str, place: Path, refused: Refused
 ) -> None:
-    monkeypatch.chdir(place)
-    before = sorted(place.rglob("*"))
-    with pytest.raises(SystemExit) as stop:
-        main(words.split())
-    told = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("warn")]
-    assert stop.value.code == 2 and len(told) == 1 and told[0].startswith("error: "), told
-    assert WRONG[words] in told[0]
-    assert sorted(place.rglob("*")) == before
+    assert WRONG[words] in refused(words, place, warned=True)
 
 
 def test_cleaning_by_command_is_cleaning_in_python(

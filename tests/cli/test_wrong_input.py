@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.cli.main import main
 from latentmotion.evaluation.evaluators.action import ActionClassifier, save_action_classifier
 from latentmotion.evaluation.evaluators.action_networks import HUMANACT12_LABELS, MotionGRUConfig
 from latentmotion.model.card import find_model
 from latentmotion.storage import pickles
+from tests.cli.conftest import Refused
 from tests.support.action_files import write_humanact12, write_uestc
 from tests.support.moving_figures import write_moving_figures
 
@@ -96,18 +96,5 @@ WRONG = {
 
 @pytest.mark.parametrize("words", WRONG)
 @pytest.mark.filterwarnings("ignore:Detected pickle protocol")
-def test_one_line(
-    words: str,
-    place: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(place)
-    before = sorted(place.rglob("*"))
-    with pytest.raises(SystemExit) as end:
-        main(words.split())
-    lines = capsys.readouterr().err.strip().splitlines()
-    told = [line for line in lines if not line.startswith("warning:")]
-    assert end.value.code == 2 and len(told) == 1, lines
-    assert told[0].startswith("error: ") and WRONG[words] in told[0]
-    assert sorted(place.rglob("*")) == before
+def test_one_line(words: str, place: Path, refused: Refused) -> None:
+    assert WRONG[words] in refused(words, place, warned=True)

@@ -14,8 +14,8 @@ from latentmotion.cleanup.loops import turn_of
 from latentmotion.cli.main import main
 from latentmotion.control.states import State, generate_states, parse_state
 from latentmotion.errors import InputError
-from latentmotion.formats.contact_events import contact_events
 from latentmotion.formats.gltf_reader import read_animations
+from latentmotion.formats.tables import contact_events
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 from tests.support.walker import walker

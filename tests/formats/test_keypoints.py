@@ -108,7 +108,7 @@ def test_wrong_json_is_explained(tmp_path: Path, content: object, reason: str) -
     [
         ("time,a\n1,2", "lacks the columns"),
         ("time,head_x,head_y\n0,1", "found 2 values, expected 3"),
-        ("time,head_x,head_y\n0,1,x", "found 'x', expected a number"),
+        ("time,head_x,head_y\n0,1,x", "found 'x', expected a finite number"),
         ("time,head_x,head_y\n0,1,1e40", "expected a finite number"),
         ("time,head_x,head_y\n0,1,1\n1,1,1\n2,1,1\n9,1,1", "not evenly apart: 7 s after 2 s"),
         ("time,head_x,head_y\n0,1,1\n1,1,1\n1,1,1", "do not rise"),

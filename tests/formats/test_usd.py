@@ -98,7 +98,7 @@ def test_axes_units_and_turned_rests(tmp_path: Path):
         turn = Gf.Rotation(Gf.Vec3d(0, 0, 1), 30 + 10 * frame).GetQuat()
         take.CreateRotationsAttr().Set([Gf.Quatf(turn)], frame)
     stage.Save()
-    animation = usd_reader.read_animations(tmp_path / "a.usda")[0]
+    animation = usd_reader.read_takes(tmp_path / "a.usda")[0].animation
     assert (animation.fps, animation.skeleton.names) == (24, ("hips", "tip"))
     np.testing.assert_allclose(animation.root_positions, np.tile([0.1, 1, 0], (3, 1)), atol=1e-6)
     tip = 0.5 * np.array([-0.5, 0, -np.sqrt(0.75)])
@@ -154,7 +154,7 @@ def test_a_file_that_crashes_the_library_is_an_error(tmp_path: Path, monkeypatch
     monkeypatch.setattr(usd_reader, "_PROGRAM", "crash")
     (tmp_path / "a.usdc").write_bytes(b"PXR-USDC")
     with pytest.raises(FileFormatError, match=r"a\.usdc: USD's library ended with -6"):
-        usd_reader.read_animations(tmp_path / "a.usdc")
+        usd_reader.read_takes(tmp_path / "a.usdc")
 
 
 def test_a_layer_of_another_folder_is_refused(tmp_path: Path):
@@ -162,14 +162,14 @@ def test_a_layer_of_another_folder_is_refused(tmp_path: Path):
     (tmp_path / "secret.usda").write_text('#usda 1.0\ndef Skeleton "a" {\n}\n')
     (tmp_path / "in" / "a.usda").write_text("#usda 1.0\n(\n subLayers = [@../secret.usda@]\n)\n")
     with pytest.raises(FileFormatError, match="expected files in its own folder"):
-        usd_reader.read_animations(tmp_path / "in" / "a.usda")
+        usd_reader.read_takes(tmp_path / "in" / "a.usda")
 
 
 @pytest.mark.parametrize("content", [b"PXR-USDC" + bytes(80), b"PK\x03\x04", b"#usda 1.0\n(", b""])
 def test_damaged_layers(content: bytes, tmp_path: Path):
     (tmp_path / "a.usd").write_bytes(content)
     with pytest.raises(FileFormatError, match=r"a\.usd: "):
-        usd_reader.read_animations(tmp_path / "a.usd")
+        usd_reader.read_takes(tmp_path / "a.usd")
 
 
 CANARIES = ("json", "numpy", "random")
@@ -206,21 +206,21 @@ def test_what_is_not_the_files_fault_is_not_called_damage(
     takes[0].save(tmp_path / "a.usda")
     monkeypatch.setattr(usd_reader, "_PROGRAM", "no_such_program")
     with pytest.raises(InputError, match="says nothing of the file") as raised:
-        usd_reader.read_animations(tmp_path / "a.usda")
+        usd_reader.read_takes(tmp_path / "a.usda")
     assert "damaged" not in str(raised.value)
     monkeypatch.undo()
     with monkeypatch.context() as patch, pytest.raises(DiskFullError, match="temporary file"):
         patch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
-        usd_reader.read_animations(tmp_path / "a.usda")
+        usd_reader.read_takes(tmp_path / "a.usda")
     with monkeypatch.context() as patch, pytest.raises(DiskFullError, match="File too large"):
         patch.setattr(usd_reader.children, "command", partial(limited, usd_reader.children.command))
-        usd_reader.read_animations(tmp_path / "a.usda")
+        usd_reader.read_takes(tmp_path / "a.usda")
 
 
 def test_errors_do_not_name_the_folder(tmp_path: Path):
     (tmp_path / "a.usdc").write_bytes(b"PXR-USDC" + bytes(80))
     with pytest.raises(FileFormatError) as raised:
-        usd_reader.read_animations(tmp_path / "a.usdc")
+        usd_reader.read_takes(tmp_path / "a.usdc")
     assert str(raised.value).count(str(tmp_path)) == 1, "which is the name that was given"
 
 

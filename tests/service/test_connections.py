@@ -15,10 +15,11 @@ import pytest
 import websockets.sync.client
 from websockets.exceptions import InvalidStatus
 
-from latentmotion.service import connections
+from latentmotion.service import model, server
 from latentmotion.service.app import create_app
-from latentmotion.service.server import Server, address, bound, configuration
+from latentmotion.service.server import SPARE, Server, address, bound, configuration
 from latentmotion.service.settings import Settings
+from latentmotion.service.state import Service
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ HEAD = b"GET /livez HTTP/1.1\r\nHost: localhost\r\n"
 def test_a_head_that_does_not_come_is_not_waited_for(
     base: str, answered: int, begin: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "HEAD_SECONDS", 0.3)
+    monkeypatch.setattr(server, "HEAD_SECONDS", 0.3)
     with opened(base, answered * (HEAD + b"\r\n")) as link:
         assert not answered or link.recv(1 << 16).startswith(b"HTTP/1.1 200")
         link.sendall(begin)
@@ -67,12 +68,12 @@ def test_a_head_that_does_not_come_is_not_waited_for(
 
 
 def test_idle_connections_shut_nobody_out(base: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connections, "CONNECTIONS_OF_ADDRESS", 40)
+    monkeypatch.setattr(server, "CONNECTIONS_OF_ADDRESS", 40)
     resource = pytest.importorskip("resource", reason="needs limits of open files")
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # both ends are of this process
     with ExitStack() as stack:
-        links = [stack.enter_context(opened(base, HEAD)) for _ in range(connections.SPARE + 100)]
+        links = [stack.enter_context(opened(base, HEAD)) for _ in range(SPARE + 100)]
         with httpx.Client(base_url=base) as client:
             for _ in range(3):
                 assert client.get("/livez").status_code == 200
@@ -136,11 +137,9 @@ def test_the_loop_is_free_while_the_worst_requests_arrive(base: str) -> None:
 
 
 def test_the_checks_of_many_prompts_run_off_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
-    from latentmotion.service.state import Service
-
     threads = []
     service = Service(Settings(file_workers=1))
-    monkeypatch.setattr(service, "check", lambda *_: threads.append(threading.current_thread()))
+    monkeypatch.setattr(model, "check", lambda *_: threads.append(threading.current_thread()))
     monkeypatch.setattr(service.batcher, "submit", lambda *_: asyncio.sleep(0, []))
     asyncio.run(service.generated(object(), [], 1.0))  # type: ignore[arg-type]
     assert threads and threads[0] is not threading.main_thread()

@@ -11,11 +11,11 @@ from unittest.mock import Mock
 
 import pytest
 
+from latentmotion.service.batching import CLIENT, Turns, room
 from latentmotion.service.jobs import Jobs
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import BatchRequest
 from latentmotion.service.state import Service
-from latentmotion.service.turns import CLIENT, Turns, room
 from tests.service.conftest import Called
 from tests.service.test_batching import Held, with_held
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from latentmotion.storage.hub import front_matter, license_fields
+from latentmotion.storage.provenance import front_matter, license_fields
 
 
 @pytest.mark.parametrize(

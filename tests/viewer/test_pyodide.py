@@ -18,7 +18,7 @@ import pytest
 from latentmotion import formats
 from latentmotion.errors import InputError, LatentMotionError
 from latentmotion.formats.content import rewritten
-from latentmotion.viewer.pyodide import pyodide_files, write_python
+from latentmotion.viewer.site import pyodide_files, write_python
 from tests.support.pages import walking
 
 WITHOUT = ("lzma", "ssl", "sqlite3", "_multiprocessing", "fcntl", "safetensors", "onnxruntime")

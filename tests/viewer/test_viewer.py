@@ -18,8 +18,7 @@ from latentmotion.kinematics.rotations import matrix_from_quaternion
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT
 from latentmotion.motion import Motion
 from latentmotion.render.mannequin import mannequin_of
-from latentmotion.viewer.marks import marks_of
-from latentmotion.viewer.page import Skinned, page_html, write_page
+from latentmotion.viewer.page import Skinned, marks_of, page_html, write_page
 from tests.support.pages import (
     CHROMIUM,
     FLAGS,

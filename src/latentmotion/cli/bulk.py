@@ -12,7 +12,6 @@ from tyro.conf import Positional, arg
 from latentmotion.bulk.motions import ROWS, BulkGeneration, Format, work_of
 from latentmotion.cli import options
 from latentmotion.cli.loading import load_generator
-from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.errors import InputError
 from latentmotion.formats.engines import EngineName
 from latentmotion.model.card import DEFAULT
@@ -21,7 +20,7 @@ from latentmotion.storage.address import folder_at
 
 
 @dataclass(frozen=True)
-class Bulk:
+class Bulk(options.SamplingOptions, options.ComputingOptions):
     """Turn a file of prompts into many motions, shard by shard.
 
     A killed run goes on with the same command; finished shards are skipped. The files are the same,
@@ -62,16 +61,9 @@ class Bulk:
     """Seed of the first row; later rows count up from it, unless they have their own."""
     model: str = DEFAULT
     """Name or folder of the model."""
-    steps: options.Steps = None
-    guidance: options.Guidance = None
-    sampler: options.SamplerChoice = None
     runtime: options.RuntimeChoice = "auto"
     threads: int = 1
     """Threads of a process; several processes with one each are faster."""
-    text_encoder: options.OptionalTextEncoder = None
-    device: options.Device = options.AUTO
-    precision: options.ComputePrecision = "float32"
-    launch: options.LaunchMode = "eager"
     clean: bool = True
     """Clean up the motions (docs/guide/cleanup.md)."""
     exact_count: bool = True
@@ -97,14 +89,11 @@ class Bulk:
             return
         if self.prompts is None:
             raise InputError("no prompts given; name a file: latentmotion bulk prompts.txt")
-        if self.dask and self.shard:
-            raise InputError("give either --shard or --dask, not both")
-        share = shards.ShardSubset.parse(self.shard) if self.shard else shards.ShardSubset()
-        execution = ExecutionOptions(self.device, self.precision, self.launch)
+        share = options.share_of(self.shard, self.dask)
         generation = BulkGeneration(
             load_generator,
             self.model,
-            (self.runtime, self.threads, self.text_encoder, execution),
+            (self.runtime, self.threads, self.text_encoder, self.execution),
             self.seconds,
             self.steps,
             self.guidance,
@@ -141,7 +130,7 @@ class Bulk:
     def _print_summary(self, manifest: shards.Manifest) -> None:
         motions = sum(record.items for record in manifest.shards)
         wrong = sum(len(record.wrong) for record in manifest.shards)
-        files = [one for shard in manifest.shards for one in (shard, *shard.files)]
+        files = [file for shard in manifest.shards for file in (shard, *shard.files)]
         size = sum(file.size for file in files) / 1e6
         left = f", {wrong} rows left out" if wrong else ""
         what = "as their manifest says" if self.check else "all finished"

@@ -11,7 +11,7 @@ from functools import partial
 from itertools import chain
 from math import sqrt
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from tyro.conf import Positional, arg
 
@@ -29,7 +29,7 @@ from latentmotion.data.report import Report, parts_of
 from latentmotion.data.sources import cmu, hdm05, humanact12, humanml3d, snu, uestc
 from latentmotion.data.sources.cmu import CMU
 from latentmotion.data.sources.own import OwnMotions
-from latentmotion.data.store import MANIFEST
+from latentmotion.data.store import MANIFEST, StoredNormalizer
 from latentmotion.errors import InputError, hint
 from latentmotion.plugins import plugin, plugin_names
 from latentmotion.representation.humanml3d import (
@@ -66,6 +66,7 @@ Dask = Annotated[
         "tcp://host:8786, which see files and output at the same paths."
     ),
 ]
+SourceName = Annotated[str, arg(help="Name of this data source.")]
 Hold = Annotated[
     int,
     arg(
@@ -73,31 +74,132 @@ Hold = Annotated[
         "code; 0 for none."
     ),
 ]
-Val = Annotated[float, arg(help="Share of the files for the val split, unless stated otherwise.")]
-Test = Annotated[float, arg(help="Share of the files for the test split, unless stated otherwise.")]
-SourceName = Annotated[str, arg(help="Name of this data source.")]
-License = Annotated[
-    str, arg(help="Terms under which the motions, and models trained on them, may be used.")
-]
-Credit = Annotated[str, arg(help="Whom to credit.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Prepare:
+    """Options of every command that writes a prepared folder."""
+
+    output: options.PreparedOutput
+
+    def _write(
+        self,
+        representation: Representation,
+        source: Source,
+        recordings: Iterable[EncodedRecording | Dropped],
+        normalizer: StoredNormalizer | None = None,
+        notes: tuple[str, ...] = (),
+    ) -> None:
+        """Writes the folder and prints its report."""
+        check_replaceable(self.output, MANIFEST)
+        preparation = Preparation(representation)
+        preparation.add(recordings)
+        print(preparation.write(self.output, (source,), normalizer, notes).text())
+        print(f"wrote {self.output}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _PrepareInParts(_Prepare):
+    """Options of commands whose files several processes can read."""
+
+    shard: Shard = None
+    dask: Dask = None
+
+    def _prepare(
+        self,
+        source: Source,
+        groups: Callable[[int | None], Sequence[FileGroup]],
+        settings: Mapping[str, Any],
+        representation: Representation = HUMANML3D_FEATURES,
+        notes: tuple[str, ...] = (),
+    ) -> None:
+        """Prepares the folder and prints the report; or reads a part of the files.
+
+        Raises:
+            InputError: There is no such part, or what is kept beside the folder is of other files,
+                or the cluster failed.
+        """
+        share = options.share_of(self.shard, self.dask)
+        # Before the files are read, which takes minutes to hours.
+        check_replaceable(self.output, MANIFEST)
+        if not (self.shard or self.dask):
+            read = chain.from_iterable(group.read() for group in groups(None))
+            recordings = encode_all(read, representation)
+        else:
+            # Another version may read the same files otherwise: what is kept beside is not its.
+            versioned = {"version": __version__, **settings}
+            work = sharding.work_of(groups(sharding.FILES), representation, versioned)
+            beside = self.output.with_name(f"{self.output.name}.recordings")
+            folder = folder_at(str(beside), create=True)
+
+            def report(record: shards.Record) -> None:
+                print(f"{record.name}: {record.items} files", file=sys.stderr, flush=True)
+
+            if self.dask:
+                shards.submit(work, folder, self.dask, report)
+            elif shards.make(work, folder, share, report) is None:
+                print(f"shard {self.shard} is finished, others are not")
+                return
+            recordings = sharding.recordings_of(folder)
+        self._write(representation, source, recordings, notes=notes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _PrepareOwnFiles(options.ReadingOptions, _PrepareInParts):
+    """Options of commands that read motion files of the user's."""
+
+    draft_map: options.DraftMapFile = None
+    val: Annotated[
+        float, arg(help="Share of the files for the val split, unless stated otherwise.")
+    ] = 0.05
+    test: Annotated[
+        float, arg(help="Share of the files for the test split, unless stated otherwise.")
+    ] = 0.05
+    name: SourceName = "own"
+    license: Annotated[
+        str, arg(help="Terms under which the motions, and models trained on them, may be used.")
+    ] = "unknown"
+    credit: Annotated[str, arg(help="Whom to credit.")] = ""
+
+    def _prepare_files(self, folder: Path, representation: Representation, **choices: Any) -> None:
+        """Prepares the files of a folder, or drafts a joint map of them."""
+        source = Source(self.name, self.license, self.credit)
+        motions = OwnMotions(
+            folder, source, stated=self.stated(), val=self.val, test=self.test, **choices
+        )
+        if self.draft_map:
+            skeleton = motions.unknown_skeleton()
+            if skeleton is None:
+                raise InputError(f"{folder}: all names of joints are known, so no map is needed")
+            write_draft(self.draft_map, skeleton)
+            return
+        # What decides how motion files are read: other files are no part of the same run.
+        settings = {
+            "source": self.name,
+            "captions": motions.captions and sha256(motions.captions),
+            "map": [sha256(path) for path in self.map],
+            **{name: getattr(self, name) for name in ("fps", "unit", "up")},
+            **{
+                name: getattr(motions, name)
+                for name in ("val", "test", "labelled", "generated", "hands")
+            },
+        }
+        self._prepare(source, motions.groups, settings, representation)
 
 
 @dataclass(frozen=True)
-class PrepareCmu:
+class PrepareCmu(_PrepareInParts):
     """Cut CMU's trials as HumanML3D did and add its captions and splits."""
 
     trials: Path
     """Folder of CMU trials, ASF/AMC or BVH, nested in any way."""
     humanml3d: Path
     """Folder with HumanML3D's index.csv, texts (or texts.json.xz), train.txt, val.txt, test.txt."""
-    output: options.PreparedOutput
     fps: Path | None = None
     """JSON file of native frames per second by trial, for trials whose rate is not known yet."""
     uncaptioned: bool = False
     """Also keep the parts of each trial that the index leaves out, without captions, for training a
     VAE."""
-    shard: Shard = None
-    dask: Dask = None
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
@@ -109,196 +211,135 @@ class PrepareCmu:
             f"HumanML3D's index has {data.missing} more CMU clips, of trials that are not in "
             f"{self.trials}; get them from {CMU.url}",
         )
-        _Files(
-            self.output,
-            CMU,
-            partial(data.groups, uncaptioned=self.uncaptioned),
-            settings,
-            notes=notes if data.missing else (),
-        ).prepare(self.shard, self.dask)
+        groups = partial(data.groups, uncaptioned=self.uncaptioned)
+        self._prepare(CMU, groups, settings, notes=notes if data.missing else ())
 
 
 @dataclass(frozen=True)
-class PrepareHdm05:
+class PrepareHdm05(_PrepareInParts):
     """Take HDM05's cut clips, with their classes as action labels and as plain sentences."""
 
     folder: options.Folder
     """Folder of HDM_ACTOR_CLASS_NNN_120.amc files beside their ASF files, nested in any way."""
-    output: options.PreparedOutput
-    shard: Shard = None
-    dask: Dask = None
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
         groups = partial(hdm05.hdm05_groups, self.folder)
-        _Files(self.output, hdm05.HDM05, groups, {"source": "hdm05"}).prepare(self.shard, self.dask)
+        self._prepare(hdm05.HDM05, groups, {"source": "hdm05"})
 
 
 @dataclass(frozen=True)
-class PrepareSnu:
+class PrepareSnu(_Prepare):
     """Cut Seoul National University's takes into clips, with sentences from names and labels."""
 
     folder: options.Folder
     """Folder of BVH and AMC files on SNU's skeletons, nested in any way."""
-    output: options.PreparedOutput
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
         recordings = encode_all(snu.snu_recordings(self.folder), HUMANML3D_FEATURES)
-        _prepare(self.output, HUMANML3D_FEATURES, snu.SNU, recordings)
+        self._write(HUMANML3D_FEATURES, snu.SNU, recordings)
 
 
 @dataclass(frozen=True)
-class PrepareHumanML3D:
+class PrepareHumanML3D(_Prepare):
     """Take the official processed HumanML3D folder, with its features and statistics."""
 
     folder: options.Folder
     """Folder with new_joint_vecs, texts, train.txt, val.txt, test.txt, Mean.npy, Std.npy."""
-    output: options.PreparedOutput
+
+    official: ClassVar = (humanml3d.HUMANML3D, HUMANML3D_FEATURES)
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        _prepare_official(self.folder, self.output, humanml3d.HUMANML3D, HUMANML3D_FEATURES)
+        check_replaceable(self.output, MANIFEST)
+        source, representation = self.official
+        normalizer = humanml3d.official_normalizer(self.folder, representation.width)
+        recordings = humanml3d.official_recordings(self.folder, source, representation.width)
+        self._write(representation, source, recordings, normalizer)
 
 
 @dataclass(frozen=True)
-class PrepareKit:
+class PrepareKit(PrepareHumanML3D):
     """Take the official processed KIT-ML folder, with its features and statistics."""
 
-    folder: options.Folder
-    """Folder with new_joint_vecs, texts, train.txt, val.txt, test.txt, Mean.npy, Std.npy."""
-    output: options.PreparedOutput
-
-    def run(self) -> None:
-        """Prepares the folder and prints the report."""
-        _prepare_official(self.folder, self.output, humanml3d.KIT, KIT_FEATURES)
+    official = humanml3d.KIT, KIT_FEATURES
 
 
 @dataclass(frozen=True)
-class PrepareHumanAct12:
+class PrepareHumanAct12(_Prepare):
     """Take HumanAct12's poses as ACTOR distributes them: 12 actions, one split."""
 
     file: options.File
     """ACTOR's humanact12poses.pkl."""
-    output: options.PreparedOutput
     hold: Hold = 60
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
         recordings = humanact12.humanact12_recordings(self.file, self.hold)
-        _prepare(self.output, SMPL_FEATURES, humanact12.HUMANACT12, recordings)
+        self._write(SMPL_FEATURES, humanact12.HUMANACT12, recordings)
 
 
 @dataclass(frozen=True)
-class PrepareUestc:
+class PrepareUestc(_Prepare):
     """Take UESTC's poses as ACTOR distributes them: 40 actions, split by subject."""
 
     folder: options.Folder
     """Folder with vibe_cache_refined.pkl and info: names, num_frames_min, action_classes (.txt)."""
-    output: options.PreparedOutput
     hold: Hold = 60
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
         recordings = uestc.uestc_recordings(self.folder, self.hold)
-        _prepare(self.output, SMPL_FEATURES, uestc.UESTC, recordings)
+        self._write(SMPL_FEATURES, uestc.UESTC, recordings)
 
 
-@dataclass(frozen=True)
-class PrepareLabelled(options.ReadingOptions):
+@dataclass(frozen=True, kw_only=True)
+class PrepareLabelled(_PrepareOwnFiles):
     """Take motion files in folders named after their actions: LABEL/take.bvh."""
 
     folder: options.Folder
     """Folder with one folder per action, of BVH, FBX, GLB, ASF+AMC or NPZ files; the folders above
     may be train, val and test."""
-    output: options.PreparedOutput
     representation: Literal["humanml3d", "smpl"] = "humanml3d"
     """Features of the motions: HumanML3D's 263 or SMPL's 150."""
-    draft_map: options.DraftMapFile = None
-    val: Val = 0.05
-    test: Test = 0.05
     name: SourceName = "labelled"
-    license: License = "unknown"
-    credit: Credit = ""
-    shard: Shard = None
-    dask: Dask = None
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        source = Source(self.name, self.license, self.credit)
-        motions = OwnMotions(
-            folder=self.folder,
-            source=source,
-            stated=self.stated(),
-            val=self.val,
-            test=self.test,
-            labelled=True,
-        )
-        if self.draft_map:
-            _draft(motions, self.draft_map)
-            return
-        representation = representation_named(self.representation)
-        settings = _settings_of(motions, None, self)
-        _Files(self.output, source, motions.groups, settings, representation).prepare(
-            self.shard, self.dask
-        )
+        self._prepare_files(self.folder, representation_named(self.representation), labelled=True)
 
 
 @dataclass(frozen=True)
-class PrepareOwn(options.ReadingOptions):
+class PrepareOwn(_PrepareOwnFiles):
     """Take your own BVH, FBX, GLB, AMC, USD or NPZ files, with captions beside them or in a CSV."""
 
     folder: options.Folder
     """Folder of motion files, nested in any way."""
-    output: options.PreparedOutput
     captions: Path | None = None
     """CSV file with the columns file and caption, and optionally from, to (seconds), split,
     action."""
-    draft_map: options.DraftMapFile = None
-    val: Val = 0.05
-    test: Test = 0.05
-    name: SourceName = "own"
-    license: License = "unknown"
-    credit: Credit = ""
     hands: bool = False
     """Keep fingers of AMASS's SMPL-H and SMPL-X files as 30 joints more than the body's 22; other
     files are left out."""
     generated: bool = False
     """Also take `.npz` files of motions that a model generated; else they are left out."""
-    shard: Shard = None
-    dask: Dask = None
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        source = Source(self.name, self.license, self.credit)
-        motions = OwnMotions(
-            folder=self.folder,
-            source=source,
-            captions=self.captions,
-            stated=self.stated(),
-            val=self.val,
-            test=self.test,
-            generated=self.generated,
-            hands=self.hands,
-        )
-        if self.draft_map:
-            _draft(motions, self.draft_map)
-            return
-        settings = _settings_of(motions, self.captions, self)
         representation = HANDS_FEATURES if self.hands else HUMANML3D_FEATURES
-        files = _Files(self.output, source, motions.groups, settings, representation)
-        files.prepare(self.shard, self.dask)
+        choices = {name: getattr(self, name) for name in ("captions", "hands", "generated")}
+        self._prepare_files(self.folder, representation, **choices)
 
 
 @dataclass(frozen=True)
-class PreparePlugin:
+class PreparePlugin(_Prepare):
     """Take what a data source of another installed package reads (docs/guide/plugins.md)."""
 
     source: Annotated[Positional[str], arg(metavar="SOURCE")]
     """Name of the plugin."""
     folder: options.Folder
     """What it reads."""
-    output: options.PreparedOutput
     representation: Literal["humanml3d", "hands", "smpl"] = "humanml3d"
     """Features of the motions: HumanML3D's 263, 623 of a body with hands, or SMPL's 150."""
 
@@ -313,16 +354,15 @@ class PreparePlugin:
             raise InputError(f"the data source {self.source!r} lacks {' and '.join(missing)}")
         representation = representation_named(self.representation)
         recordings = encode_all(source.recordings(self.folder), representation)
-        _prepare(self.output, representation, source.SOURCE, recordings)
+        self._write(representation, source.SOURCE, recordings)
 
 
 @dataclass(frozen=True)
-class Merge:
+class Merge(_Prepare):
     """Join prepared folders into one, with a common normalizer."""
 
     folders: Annotated[Positional[tuple[Path, ...]], arg(metavar="FOLDERS")]
     """Prepared folders."""
-    output: options.PreparedOutput
 
     def run(self) -> None:
         """Merges the folders and prints the report."""
@@ -359,7 +399,7 @@ class PackData:
 
 
 @dataclass(frozen=True)
-class UnpackData:
+class UnpackData(_Prepare):
     """Write the prepared folder that a pack holds.
 
     Example: latentmotion data unpack starter.pack -o data/starter
@@ -367,7 +407,6 @@ class UnpackData:
 
     file: options.File
     """File that `latentmotion data pack` wrote."""
-    output: options.PreparedOutput
 
     def run(self) -> None:
         """Writes the folder and prints what is in it."""
@@ -520,101 +559,3 @@ class Describe(options.ReadingOptions):
         files = len({row.file for row in rows})
         print(f"wrote {self.output}: {len(rows)} captions of {files} motions")
         print("Correct it, then: latentmotion data prepare own FOLDER --captions CSV -o OUT")
-
-
-def _draft(motions: OwnMotions, path: Path) -> None:
-    """Writes a joint map for the first skeleton whose names are unknown.
-
-    Raises:
-        InputError: All names are known, or the file cannot be written.
-    """
-    skeleton = motions.unknown_skeleton()
-    if skeleton is None:
-        raise InputError(f"{motions.folder}: all names of joints are known, so no map is needed")
-    write_draft(path, skeleton)
-
-
-def _prepare_official(
-    folder: Path, output: Path, source: Source, representation: Representation
-) -> None:
-    check_replaceable(output, MANIFEST)
-    normalizer = humanml3d.official_normalizer(folder, representation.width)
-    preparation = Preparation(representation)
-    preparation.add(humanml3d.official_recordings(folder, source, representation.width))
-    print(preparation.write(output, (source,), normalizer).text())
-    print(f"wrote {output}")
-
-
-_CHOICES = ("val", "test", "labelled", "generated", "hands")
-"""Choices of how motion files are read that decide what comes of them."""
-
-
-def _settings_of(
-    motions: OwnMotions, captions: Path | None, reading: options.ReadingOptions
-) -> Any:
-    """Returns what decides how motion files are read, as plain values."""
-    return {
-        "source": motions.source.name,
-        "captions": captions and sha256(captions),
-        "map": [sha256(path) for path in reading.map],
-        **{name: getattr(reading, name) for name in ("fps", "unit", "up")},
-        **{name: getattr(motions, name) for name in _CHOICES},
-    }
-
-
-def _prepare(
-    output: Path,
-    representation: Representation,
-    source: Source,
-    recordings: Iterable[EncodedRecording | Dropped],
-    notes: tuple[str, ...] = (),
-) -> None:
-    check_replaceable(output, MANIFEST)
-    preparation = Preparation(representation)
-    preparation.add(recordings)
-    print(preparation.write(output, (source,), notes=notes).text())
-    print(f"wrote {output}")
-
-
-@dataclass(frozen=True)
-class _Files:
-    """Files of a source that can be read in groups, and where they go."""
-
-    output: Path
-    source: Source
-    groups: Callable[[int | None], Sequence[FileGroup]]
-    settings: Mapping[str, Any]
-    representation: Representation = HUMANML3D_FEATURES
-    notes: tuple[str, ...] = ()
-
-    def prepare(self, shard: str | None, dask: str | None) -> None:
-        """Prepares the folder and prints the report; or reads a part of the files.
-
-        Raises:
-            InputError: It is no such part, or what is kept beside the folder is of other files, or
-                the cluster failed.
-        """
-        if shard and dask:
-            raise InputError("give either --shard or --dask, not both")
-        share = shards.ShardSubset.parse(shard) if shard else shards.ShardSubset()
-        check_replaceable(self.output, MANIFEST)
-        groups = self.groups(sharding.FILES if shard or dask else None)
-        if not (shard or dask):
-            read = chain.from_iterable(group.read() for group in groups)
-            recordings = encode_all(read, self.representation)
-        else:
-            settings = {"version": __version__, **self.settings}
-            work = sharding.work_of(groups, self.representation, settings)
-            beside = self.output.with_name(f"{self.output.name}.recordings")
-            folder = folder_at(str(beside), create=True)
-
-            def report(record: shards.Record) -> None:
-                print(f"{record.name}: {record.items} files", file=sys.stderr, flush=True)
-
-            if dask:
-                shards.submit(work, folder, dask, report)
-            elif shards.make(work, folder, share, report) is None:
-                print(f"shard {shard} is finished, others are not")
-                return
-            recordings = sharding.recordings_of(folder)
-        _prepare(self.output, self.representation, self.source, recordings, self.notes)

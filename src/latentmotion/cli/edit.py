@@ -1,4 +1,4 @@
-"""`latentmotion edit`, `between`, `join`: makes a part of a motion anew, or what joins several."""
+"""`latentmotion edit`, `between`, `join`, `fit`: a model fills in frames and follows keypoints."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from latentmotion import formats
+from latentmotion.cleanup.pipeline import Changes
 from latentmotion.cli import options
-from latentmotion.cli.options import Guidance, Outputs, RuntimeChoice, Seed, Steps, Threads
+from latentmotion.cli.motions import print_changes
 from latentmotion.control.edit import (
     ON_THE_WAY,
     generate_between,
@@ -18,39 +19,56 @@ from latentmotion.control.edit import (
     generate_joined,
     put_after,
 )
+from latentmotion.control.fit_keypoints import fit_motion
 from latentmotion.errors import InputError
+from latentmotion.formats.keypoints import ENDINGS, KeypointOptions, read_keypoints
 from latentmotion.model.card import DEFAULT
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.storage.files import check_writable
 
 PartName = Literal[
     "left_arm", "right_arm", "arms", "left_leg", "right_leg", "legs", "head", "upper_body"
 ]
+Layout = Literal[
+    *("humanml3d", "coco_17", "coco_18", "coco_133", "body_25", "halpe_26", "halpe_136"),
+    *("h36m", "mediapipe_33"),
+]
 _MOTION = f"Motion file: {' '.join(formats.READABLE)}."
+_KEYPOINTS = f"Keypoints: {' '.join(ENDINGS)}, or a folder with a .json for each frame."
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Filling(options.MotionOptions):
-    """Options of both verbs."""
+class _Directed:
+    """Options of every command that runs a model towards given frames."""
 
-    output: Outputs = (Path("motion.npz"),)
+    output: options.Outputs = (Path("motion.npz"),)
     """Files to write; the extension selects the format."""
     model: str = DEFAULT
     """Name or folder of the model."""
-    seed: Seed = 0
-    steps: Steps = None
-    guidance: Guidance = None
-    runtime: RuntimeChoice = "auto"
-    threads: Threads = None
+    runtime: options.RuntimeChoice = "auto"
+    threads: options.Threads = None
 
-    def _pipeline(self) -> MotionPipeline:
-        for path in self.output:
-            formats.check_ending(path)
-            check_writable(path)
+    def _check(self) -> None:
+        """Checks what needs no file, before any is read."""
+        options.check_outputs(self.output)
         if self.runtime == "pytorch":
             raise InputError("--runtime pytorch: motions are directed on onnxruntime or openvino")
+
+    def _pipeline(self) -> MotionPipeline:
         return MotionPipeline.from_pretrained(self.model, self.runtime, self.threads)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Filling(options.MotionOptions, _Directed):
+    """Options of the commands that generate the frames between others."""
+
+    seed: options.Seed = 0
+    steps: options.Steps = None
+    guidance: options.Guidance = None
+
+    def _opened(self) -> MotionPipeline:
+        self._check()
+        return self._pipeline()
 
     def _load(self, path: Path, pipeline: MotionPipeline) -> list[Motion]:
         """Reads motions at the model's frame rate."""
@@ -58,10 +76,6 @@ class _Filling(options.MotionOptions):
         if motions[0].fps != fps:
             print(f"{path}: {motions[0].fps:g} frames per second become the model's {fps:g}")
         return [motion.resampled(fps) for motion in motions]
-
-    def _write(self, motion: Motion) -> None:
-        written = [file for path in self.output for file in formats.save(path, [motion])]
-        print("\n".join(f"wrote {path}" for path in written))
 
 
 @dataclass(frozen=True)
@@ -86,19 +100,11 @@ class EditMotion(_Filling):
             InputError: A file, a time or a number cannot be used.
             ModelError: The model cannot be loaded or cannot direct motions.
         """
-        generate = self._pipeline()
-        motion = self._load(self.file, generate)[0]
-        edited = generate_edited(
-            generate,
-            motion,
-            self.prompt,
-            self.between,
-            self.seed,
-            self.steps,
-            self.guidance,
-            self.parts,
-        )
-        self._write(edited)
+        pipeline = self._opened()
+        motion = self._load(self.file, pipeline)[0]
+        sampling = self.seed, self.steps, self.guidance
+        edited = generate_edited(pipeline, motion, self.prompt, self.between, *sampling, self.parts)
+        options.save(self.output, [edited])
 
 
 @dataclass(frozen=True)
@@ -124,13 +130,12 @@ class Between(_Filling):
             InputError: A file or a number cannot be used, or the motions are too far apart.
             ModelError: The model cannot be loaded or cannot direct motions.
         """
-        generate = self._pipeline()
-        start, end = (self._load(file, generate)[0] for file in (self.start, self.end))
+        pipeline = self._opened()
+        start, end = (self._load(file, pipeline)[0] for file in (self.start, self.end))
         end = put_after(start, end, self.seconds) if self.align else end
-        joined = generate_between(
-            generate, start, end, self.seconds, self.prompt, self.seed, self.steps, self.guidance
-        )
-        self._write(joined)
+        sampling = self.seed, self.steps, self.guidance
+        joined = generate_between(pipeline, start, end, self.seconds, self.prompt, *sampling)
+        options.save(self.output, [joined])
 
 
 @dataclass(frozen=True)
@@ -159,7 +164,59 @@ class Join(_Filling):
         if self.seconds == 0:
             unused = ("prompt", "seed", "steps", "guidance")
             options.refuse_unused(self, "--seconds 0 joins by cuts", *unused)
-        generate = self._pipeline()
-        parts = [part for path in self.files for part in self._load(path, generate)]
-        seconds, choice = self.seconds, (self.seed, self.steps, self.guidance)
-        self._write(generate_joined(generate, parts, seconds, self.prompt, *choice))
+        pipeline = self._opened()
+        parts = [part for path in self.files for part in self._load(path, pipeline)]
+        sampling = self.seed, self.steps, self.guidance
+        joined = generate_joined(pipeline, parts, self.seconds, self.prompt, *sampling)
+        options.save(self.output, [joined])
+
+
+@dataclass(frozen=True)
+class Fit(_Directed):
+    """Turn noisy or partial keypoints, 3D or 2D, into a clean motion.
+
+    Example: latentmotion fit tracked.npz -o clean.bvh
+    """
+
+    file: Annotated[Positional[Path], arg(metavar="FILE", help=_KEYPOINTS)]
+    fps: float | None = None
+    """Frames per second of the recording, if the file does not say."""
+    layout: Layout | None = None
+    """Layout of the keypoints, if the file has no names."""
+    unit: str | None = None
+    """Unit of length of points in 3D, a name or meters per unit; by default by the limbs."""
+    up: Literal["y", "-y", "z", "-z", "x", "-x"] | None = None
+    """Axis that points up, of points in 3D; by default y, if the figure stands so."""
+    size: tuple[float, float] | None = None
+    """Width and height of the picture, pixels."""
+    focal: float | None = None
+    """Focal length of the camera, pixels; by default that of a picture of 60 degrees."""
+    noise: float | None = None
+    """Deviation of what was recorded, meters; by default estimated."""
+    clean: bool = True
+    """Hold feet, smooth and give bones one length."""
+
+    def run(self) -> None:
+        """Reads, fits, writes.
+
+        Raises:
+            InputError: A file, an ending or a number cannot be used.
+            ModelError: The model cannot be loaded or cannot direct motions.
+        """
+        self._check()
+        stated = KeypointOptions(self.fps, self.layout, self.size, self.focal, self.up, self.unit)
+        keypoints = read_keypoints(self.file, stated)
+        if keypoints.points.shape[2] == 3:
+            reason, names = f"{self.file} has points in 3D", ("size", "focal")
+        else:
+            reason, names = f"{self.file} has points in a picture", ("unit", "up")
+        options.refuse_unused(self, reason, *names)
+        fitted = fit_motion(self._pipeline(), keypoints, noise=self.noise)
+        motion = fitted.cleaned() if self.clean else fitted
+        fit = motion.metadata["fit"]
+        print(
+            f"noise {100 * fit['noise']:.1f} cm, {100 * fit['dropped']:.1f} % of the points "
+            f"dropped as mistakes, body {1 / fit['scale']:.2f} times the model's"
+        )
+        options.save(self.output, [motion])
+        print_changes(Changes.of(fitted, motion))

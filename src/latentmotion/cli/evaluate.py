@@ -20,7 +20,6 @@ from latentmotion.cli.loading import load_generator, located
 from latentmotion.data import instructions as held_out
 from latentmotion.data.clip import Split
 from latentmotion.data.dataset import Dataset
-from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.instructions import benchmark, ground_truth, motions
 from latentmotion.evaluation.instructions.prompts import instructions, write_prompts
@@ -52,7 +51,7 @@ _METRICS = (
 
 
 @dataclass(frozen=True)
-class Evaluate:
+class Evaluate(options.SamplingOptions, options.ComputingOptions):
     """Measure a model beside the real motions of a prepared data set.
 
     A model with a denoiser is given the split's sentences, labels or lengths; a VAE reconstructs
@@ -84,16 +83,9 @@ class Evaluate:
     """Captions that get many motions each, for MultiModality; by default 100; 0 for none."""
     max_frames: int | None = None
     """Longest motion in frames; by default the model's own."""
-    steps: options.Steps = None
-    guidance: options.Guidance = None
-    sampler: options.SamplerChoice = None
     prior: bool = False
     """Measure motions drawn from the VAE's prior instead of the denoiser's."""
     body: options.Body = None
-    text_encoder: options.OptionalTextEncoder = None
-    device: options.Device = options.AUTO
-    precision: options.ComputePrecision = "float32"
-    launch: options.LaunchMode = "eager"
     cost: bool = False
     """Measure parameters, FLOPs and seconds, too."""
     instructions: bool = False
@@ -303,8 +295,3 @@ class Evaluate:
             "motions": "cleaned" if settings.clean else "as the network made them",
         }
         return card.name, described, motions.generate_motions(generator, instructions(), settings)
-
-    @property
-    def execution(self) -> ExecutionOptions:
-        """Device, precision and launch mode of PyTorch."""
-        return ExecutionOptions(self.device, self.precision, self.launch)

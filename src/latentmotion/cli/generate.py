@@ -14,7 +14,6 @@ from latentmotion import formats
 from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.cli import options
 from latentmotion.cli.loading import load_generator, load_prior
-from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.errors import InputError
 from latentmotion.formats.engines import ENGINES, EngineName, for_engine
 from latentmotion.kinematics import smpl
@@ -25,7 +24,7 @@ from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
 from latentmotion.ranking.best import usual_takes
 from latentmotion.representation.smpl import representation_of
-from latentmotion.storage.files import cache_folder, check_writable, read_lines
+from latentmotion.storage.files import cache_folder, read_lines
 from latentmotion.storage.reading import read_text
 
 if TYPE_CHECKING:
@@ -94,6 +93,8 @@ class Directing:
         """Returns the scene of the file, if one is named."""
         if self.scene is None:
             return None
+        # Here and below: what directs motions is imported only where it is used, so that a motion
+        # of a sentence alone starts a tenth of a second earlier.
         from latentmotion.control.scene import read_scene
 
         return read_scene(self.scene)
@@ -113,12 +114,9 @@ class Directing:
 
 
 @dataclass(frozen=True)
-class SamplingOptions:
+class _Sampling(options.SamplingOptions):
     """How the model samples, and what it starts from."""
 
-    steps: options.Steps = None
-    guidance: options.Guidance = None
-    sampler: options.SamplerChoice = None
     from_clips: bool = True
     """Start motions of rare movements from the nearest clips of the training data; of several takes
     every other one."""
@@ -128,7 +126,7 @@ class SamplingOptions:
 
 
 @dataclass(frozen=True)
-class Execution:
+class Execution(options.ComputingOptions):
     """What runs the networks, and where (docs/guide/runtime.md)."""
 
     runtime: options.RuntimeChoice = "auto"
@@ -136,10 +134,6 @@ class Execution:
     cache: bool = True
     """Cache the text encoder's output in the user's cache folder, or in the folder that the
     environment variable LATENTMOTION_CACHE names (`off` for none)."""
-    text_encoder: options.OptionalTextEncoder = None
-    device: options.Device = options.AUTO
-    precision: options.ComputePrecision = "float32"
-    launch: options.LaunchMode = "eager"
     body: options.Body = None
 
 
@@ -178,7 +172,7 @@ class Generate:
     json: options.PrintJson = False
     clean_up: OmitArgPrefixes[Cleaning] = Cleaning()
     directing: OmitArgPrefixes[Directing] = Directing()
-    sampling: OmitArgPrefixes[SamplingOptions] = SamplingOptions()
+    sampling: OmitArgPrefixes[_Sampling] = _Sampling()
     execution: OmitArgPrefixes[Execution] = Execution()
 
     def run(self) -> None:
@@ -194,76 +188,73 @@ class Generate:
             raise InputError("--prior takes no goals; leave them out")
         lines = self._checked_lines()
         wrong = [f"{self.file}:{number}: {error}" for number, _, error in lines if error]
-        given = [line for _, line, error in lines if not error]
-        prompts = self._checked_prompts(scene, given, bool(goals))
-        print("".join(f"warning: {one}; left out\n" for one in wrong), end="", file=sys.stderr)
+        usable = [line for _, line, error in lines if not error]
+        prompts = self._checked_prompts(scene, usable, bool(goals))
+        print("".join(f"warning: {line}; left out\n" for line in wrong), end="", file=sys.stderr)
         if self.fps is not None:
             check_fps(self.fps)
         # By default a page whose name is not taken, so that nothing is overwritten.
         pages = (Path(f"motion{n}.html") for n in ("", *(f"-{n}" for n in range(2, 1000))))
         default = next((page for page in pages if not page.exists()), Path("motion.html"))
         outputs = self.output or (default,)
-        for path in outputs:
-            formats.check_ending(path)
-            check_writable(path)
-            endings = ENGINES[self.preset].endings if self.preset else ()
-            if endings and path.suffix.lower() not in endings:
-                expected = f"expected {' or '.join(endings)}"
+        options.check_outputs(outputs)
+        engine = ENGINES[self.preset] if self.preset else None
+        for path in outputs if engine and engine.endings else ():
+            if path.suffix.lower() not in engine.endings:
+                expected = f"expected {' or '.join(engine.endings)}"
                 raise InputError(f"--preset {self.preset} cannot be written as {path}; {expected}")
         motions = self._generated(prompts, scene, goals)
-        fps = self.fps if self.fps or not self.preset else ENGINES[self.preset].fps
+        fps = self.fps or (engine.fps if engine else None)
         if fps is not None:
             motions = [motion.resampled(fps) for motion in counted(motions, "resampling")]
         for motion in motions if self.clean_up.clean else []:
             print(_goal_text(motion), end="", file=sys.stderr)
         for motion in motions:
-            print(_take_text(motion) + _clip_text(motion), end="", file=sys.stderr)
+            print(_origin_text(motion), end="", file=sys.stderr)
         if self.preset:
             motions = [for_engine(motion, self.preset) for motion in motions]
         written = [file for path in outputs for file in formats.save(path, motions)]
         if self.json:
-            self._print_json(motions, written)
+            details = [
+                {"caption": m.caption, "seconds": m.seconds, "frames": len(m), "fps": m.fps}
+                | dict(m.metadata)
+                for m in motions
+            ]
+            print(json.dumps({"files": [str(p.absolute()) for p in written], "motions": details}))
         else:
-            print("\n".join(f"wrote {path}" for path in written))
+            options.print_written(written)
         if wrong:
             raise InputError(f"{len(wrong)} of {len(lines)} prompts of {self.file} were left out")
-
-    def _print_json(self, motions: list[Motion], written: list[Path]) -> None:
-        details = [
-            {"caption": m.caption, "seconds": m.seconds, "frames": len(m), "fps": m.fps}
-            | dict(m.metadata)
-            for m in motions
-        ]
-        print(json.dumps({"files": [str(p.absolute()) for p in written], "motions": details}))
 
     def _checked_lines(self) -> list[tuple[int, str, InputError | None]]:
         """Returns number and prompt of each line of the file, and what is wrong with it."""
         if self.file is None:
             return []
+        # All lines are checked before the first motion: a mistake in line 900 is told at once, and
+        # costs that line alone.
         read_lines(self.file, "prompt")  # raises an error where there are none
         card = read_card(find_or_download(self.model))
         lines = []
         for number, line in enumerate(map(str.strip, read_text(self.file).splitlines()), 1):
-            error = None
+            problem = None
             try:
                 card.condition.check_prompt(line, card.name)
                 if card.condition.prompted and not card.condition.reads_text:
                     card.prompt_condition(_no_text_encoder)([line])
-            except InputError as found:
-                error = found
+            except InputError as error:
+                problem = error
             if line:
-                lines.append((number, line, error))
-        if all(error for _, _, error in lines):
-            number, _, error = lines[0]
-            raise InputError(f"{self.file}:{number}: {error}")
+                lines.append((number, line, problem))
+        if all(problem for _, _, problem in lines):
+            number, _, problem = lines[0]
+            raise InputError(f"{self.file}:{number}: {problem}")
         return lines
 
     def _checked_prompts(self, scene: Scene | None, lines: list[str], goals: bool) -> list[str]:
         """Returns the prompts; for an unconditional model or a timeline an empty one."""
-        if self.best_of is not None and self.best_of < 1:
-            raise InputError(f"--best-of {self.best_of}: expected 1 or more")
-        if self.count < 1:
-            raise InputError(f"--count {self.count}: expected 1 or more")
+        for name, number in (("best-of", self.best_of), ("count", self.count)):
+            if number is not None and number < 1:
+                raise InputError(f"--{name} {number}: expected 1 or more")
         self.clean_up.steps()  # raises an error where they do not fit
         directing, prior = self.directing, self.sampling.prior
         several = bool(directing.timeline) or (scene is not None and bool(scene.timeline))
@@ -288,14 +279,14 @@ class Generate:
             return [scene.prompt]
         if self.file is not None and self.prompts:
             raise InputError("give either prompts or --file, not both")
-        given = lines or list(self.prompts)
-        if prior and given:
-            raise InputError(f"--prior takes no prompt; leave {given[0]!r} out")
+        typed = lines or list(self.prompts)
+        if prior and typed:
+            raise InputError(f"--prior takes no prompt; leave {typed[0]!r} out")
         if prior:
-            return given
-        if given:
-            self._warn_of_words(given)
-            return given
+            return typed
+        if typed:
+            self._warn_of_words(typed)
+            return typed
         if directing.timeline:
             return [""]
         card = read_card(find_or_download(self.model))
@@ -307,36 +298,31 @@ class Generate:
 
     def _refuse_unused(self, timeline: bool, goals: bool) -> None:
         """Refuses options that have no effect beside others."""
-        refuse, sampling = options.refuse_unused, self.sampling
-        if sampling.prior:
-            reason, names = "--prior decodes random latents", ("steps", "guidance", "sampler")
-            refuse(sampling, reason, *names, "moves")
-            refuse(self.execution, reason, "text_encoder")
-        if timeline:
-            reason = "the prompts of a timeline have lengths of their own"
-            refuse(self, reason, "seconds")
-            reason = "a timeline is sampled from noise by the model's own sampler"
-            refuse(sampling, reason, "sampler", "moves")
-            reason = "a timeline takes no goals"
-            refuse(self.directing, reason, "reach", "heading", "look_at", "path", "pace")
-        if self.directing.loop:
-            refuse(
-                sampling, "a loop starts from noise, by the model's own sampler", "sampler", "moves"
-            )
-        if goals:
-            refuse(sampling, "a motion with goals starts from noise", "moves")
-        if not sampling.from_clips:
-            refuse(sampling, "--no-from-clips starts all motions from noise", "moves")
-        if sampling.steps == 1:
-            refuse(sampling, "a motion of one step starts from noise", "moves")
+        sampling, directing = self.sampling, self.directing
+        prior, loop = "--prior decodes random latents", directing.loop
+        usual, no_clips = "by the model's own sampler", not sampling.from_clips
+        of_goals = ("reach", "heading", "look_at", "path", "pace")
+        for applies, group, reason, *names in (
+            (sampling.prior, sampling, prior, "steps", "guidance", "sampler", "moves"),
+            (sampling.prior, self.execution, prior, "text_encoder"),
+            (timeline, self, "the prompts of a timeline have lengths of their own", "seconds"),
+            (timeline, sampling, f"a timeline is sampled from noise {usual}", "sampler", "moves"),
+            (timeline, directing, "a timeline takes no goals", *of_goals),
+            (loop, sampling, f"a loop starts from noise, {usual}", "sampler", "moves"),
+            (goals, sampling, "a motion with goals starts from noise", "moves"),
+            (no_clips, sampling, "--no-from-clips starts all motions from noise", "moves"),
+            (sampling.steps == 1, sampling, "a motion of one step starts from noise", "moves"),
+        ):
+            if applies:
+                options.refuse_unused(group, reason, *names)
 
-    def _warn_of_words(self, given: list[str]) -> None:
+    def _warn_of_words(self, typed: list[str]) -> None:
         """Warns where the words of one sentence seem to have become prompts of their own."""
-        words = self.file is None and len(given) > 2 and not any(" " in word for word in given)
+        words = self.file is None and len(typed) > 2 and not any(" " in word for word in typed)
         if words and read_card(find_or_download(self.model)).condition.reads_text:
-            sentence = " ".join(given)
+            sentence = " ".join(typed)
             print(
-                f"warning: {len(given)} motions, one for each word; for one motion put the "
+                f"warning: {len(typed)} motions, one for each word; for one motion put the "
                 f'sentence in quotes: "{sentence}"',
                 file=sys.stderr,
             )
@@ -346,14 +332,14 @@ class Generate:
     ) -> list[Motion]:
         """Loads the model and generates the motions."""
         execution, sampling = self.execution, self.sampling
-        computing = ExecutionOptions(execution.device, execution.precision, execution.launch)
+        computing = execution.execution
         body = representation_of(smpl.load_smpl(execution.body)) if execution.body else None
         steps, threads = self.clean_up.steps(), execution.threads
         if sampling.prior:
             prior = load_prior(self.model, execution.runtime, threads, computing)
             seeds = range(self.seed or 0, (self.seed or 0) + self.count)
-            made = replace(prior, body=body).batch(self.seconds, seeds)
-            return clean_batch(made, steps) if steps else made
+            motions = replace(prior, body=body).batch(self.seconds, seeds)
+            return clean_batch(motions, steps) if steps else motions
         cache = cache_folder() if execution.cache else None
         encoder = execution.text_encoder
         generator = load_generator(
@@ -372,6 +358,7 @@ class Generate:
         if takes == 1 and not goals:  # all prompts together, which is faster
             seeds = range(seed, seed + len(repeated))
             return generator.batch(repeated, seconds, seeds, *settings, sampling.from_clips, steps)
+        # A motion's takes have the seeds behind it, so that no two motions share a take.
         settings = (*settings, goals, sampling.from_clips, takes, steps)
         return [
             generator(prompt, seconds, seed + takes * number, *settings)
@@ -393,16 +380,16 @@ class Generate:
         from latentmotion.control.stream import generate_loop
         from latentmotion.ranking.best import ranked, scorer_beside
 
-        settings, made = (self.sampling.steps, self.sampling.guidance), []
+        settings, best = (self.sampling.steps, self.sampling.guidance), []
         for prompt in (prompt for prompt in prompts for _ in range(self.count)):
             takes = self.best_of or usual_takes(generator.card, prompt)
-            seeds = range(seed + takes * len(made), seed + takes * (len(made) + 1))
-            loops = [generate_loop(generator, prompt, seconds, one, *settings) for one in seeds]
+            seeds = range(seed + takes * len(best), seed + takes * (len(best) + 1))
+            loops = [generate_loop(generator, prompt, seconds, n, *settings) for n in seeds]
             if takes > 1:
                 scorer = scorer_beside(generator.condition)
                 loops = [take.motion for take in ranked(loops, prompt, scorer, None)]
-            made.append(loops[0])
-        return clean_batch(made, steps) if steps else made
+            best.append(loops[0])
+        return clean_batch(best, steps) if steps else best
 
     def _timelines(
         self,
@@ -419,8 +406,8 @@ class Generate:
         part_spans = [*scene.timeline_parts] if scene else [*map(parse_part_span, parts)]
         settings = self.sampling.steps, self.sampling.guidance, part_spans
         seeds = range(seed, seed + self.count)
-        made = [generate_timeline(generator, spans, seed, *settings) for seed in seeds]
-        return clean_batch(made, steps) if steps else made
+        motions = [generate_timeline(generator, spans, seed, *settings) for seed in seeds]
+        return clean_batch(motions, steps) if steps else motions
 
 
 def _no_text_encoder() -> TextEncoder:
@@ -444,23 +431,20 @@ def _goal_text(motion: Motion) -> str:
     return "".join([*shown, f"feet that stand slide {sliding:.1f} cm/s\n"])
 
 
-def _take_text(motion: Motion) -> str:
-    """Returns a line about the take that was the best of several."""
-    takes = motion.metadata.get("best_of")
-    if not takes:
-        return ""
-    best, last = takes[0], takes[-1]
-    return (
-        f"best of {len(takes)}: seed {best['seed']}, score {best['score']:.3f} (worst "
-        f"{last['score']:.3f}): text {best['text']:.3f}, feet slide {1e2 * best['sliding']:.1f} "
-        f"cm/s, {1e2 * best['penetration']:.1f} cm below the floor, jerk {best['jerk']:.0f} m/s³\n"
-    )
-
-
-def _clip_text(motion: Motion) -> str:
-    """Returns how a sentence in words of its own is read, and a line for each clip at the start."""
-    read_as = motion.metadata.get("read_as")
-    return (f'read as "{read_as}"\n' if read_as else "") + "".join(
+def _origin_text(motion: Motion) -> str:
+    """Returns lines about the best of several takes, the reading of its sentence and its clips."""
+    text = ""
+    if takes := motion.metadata.get("best_of"):
+        best, last = takes[0], takes[-1]
+        text = (
+            f"best of {len(takes)}: seed {best['seed']}, score {best['score']:.3f} (worst "
+            f"{last['score']:.3f}): text {best['text']:.3f}, feet slide "
+            f"{1e2 * best['sliding']:.1f} cm/s, {1e2 * best['penetration']:.1f} cm below the "
+            f"floor, jerk {best['jerk']:.0f} m/s³\n"
+        )
+    if read_as := motion.metadata.get("read_as"):
+        text += f'read as "{read_as}"\n'
+    return text + "".join(
         f'starts from clip {clip["clip"]} of {clip["source"]}, "{clip["caption"]}"; its owner and '
         "terms are in the file\n"
         for clip in motion.metadata.get("from_clips", ())

@@ -29,12 +29,12 @@ VERBS = {
     "generate": Verb("generate:Generate", "Turn sentences or labels into motion files."),
     "set": Verb("states:ClipSet", "Make the clips of a state machine."),
     "bulk": Verb("bulk:Bulk", "Turn a file of prompts into many motions."),
-    "clean": Verb("clean:Clean", "Clean up a motion: hold standing feet, remove jitter."),
+    "clean": Verb("motions:Clean", "Clean up a motion: hold standing feet, remove jitter."),
     "edit": Verb("edit:EditMotion", "Generate a part of a motion anew."),
     "between": Verb("edit:Between", "Generate what leads from one motion to another."),
     "join": Verb("edit:Join", "Join motions one after the other, with transitions."),
     "teach": Verb("teach:Teach", "Show a model a movement: a clip and what it shows."),
-    "fit": Verb("fit:Fit", "Turn keypoints of a tracker into a clean motion."),
+    "fit": Verb("edit:Fit", "Turn keypoints of a tracker into a clean motion."),
     "render": Verb("render:Render", "Draw motion files as video, GIF or picture."),
     "search": Verb("search:Search", "Find motions in your own files by a sentence."),
     "nearest": Verb("search:Nearest", "Report the training clips nearest to a motion."),
@@ -42,7 +42,7 @@ VERBS = {
     "blender-addon": Verb(
         "motions:BlenderAddon", "Write the add-on for Blender, ready to install."
     ),
-    "web": Verb("web:Web", "Write a static site that generates in the visitor's browser."),
+    "web": Verb("pages:Web", "Write a static site that generates in the visitor's browser."),
     "data prepare cmu": Verb("data:PrepareCmu", "CMU's trials with HumanML3D's captions."),
     "data prepare hdm05": Verb("data:PrepareHdm05", "HDM05's clips and their classes."),
     "data prepare snu": Verb("data:PrepareSnu", "SNU's takes, cut and named."),
@@ -70,7 +70,7 @@ VERBS = {
     "train length": Verb("train:TrainLength", "Train a predictor of a motion's length."),
     "train evaluator": Verb("train:TrainEvaluator", "Train the networks of FID and R-precision."),
     "train classifier": Verb("train:TrainClassifier", "Train an action classifier for evaluation."),
-    "finetune": Verb("finetune:FineTune", "Teach a model the movements of your own clips."),
+    "finetune": Verb("train:FineTune", "Teach a model the movements of your own clips."),
     "swap-decoder": Verb("export:SwapDecoder", "Give a model the decoder of another model."),
     "export": Verb("export:Export", "Make a trained model run without PyTorch."),
     "export scorer": Verb("export:ExportScorer", "Make a scorer of takes of an evaluator."),
@@ -90,12 +90,12 @@ VERBS = {
         "experiment:FillDocument", "Insert finished tables into a document."
     ),
     "serve": Verb("serve:Serve", "Serve motions over HTTP and WebSocket."),
-    "mcp": Verb("protocols:Mcp", "Serve an agent's tools over MCP."),
-    "mmcp": Verb("protocols:Mmcp", "Serve animation programs over MMCP."),
-    "completion": Verb("completion:Completion", "Print what a shell needs to complete words."),
-    "studio": Verb("studio:Studio", "Make, direct and export motions on a page of this machine."),
-    "study make": Verb("study:MakeStudy", "Make a page to compare two models, blind."),
-    "study report": Verb("study:ReportStudy", "Report what raters prefer."),
+    "mcp": Verb("serve:Mcp", "Serve an agent's tools over MCP."),
+    "mmcp": Verb("serve:Mmcp", "Serve animation programs over MMCP."),
+    "completion": Verb("usage:Completion", "Print what a shell needs to complete words."),
+    "studio": Verb("serve:Studio", "Make, direct and export motions on a page of this machine."),
+    "study make": Verb("pages:MakeStudy", "Make a page to compare two models, blind."),
+    "study report": Verb("pages:ReportStudy", "Report what raters prefer."),
 }
 """The command line. Only the verb that was typed is imported."""
 
@@ -150,6 +150,7 @@ def _run(words: list[str]) -> None:
     if words[0] == "--version":
         print(f"latentmotion {__version__}")
         return
+    # The longest first: `convert evaluator` is a command beside `convert`.
     name = next((" ".join(words[:n]) for n in (3, 2, 1) if " ".join(words[:n]) in VERBS), None)
     if name is None:
         _print_group(words)
@@ -166,7 +167,8 @@ def _run(words: list[str]) -> None:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("latentmotion"):
             raise
-        raise MissingExtraError(f"latentmotion {name}", error.name, "train") from error
+        extra = name if name in ("serve", "studio", "mcp", "mmcp") else "train"
+        raise MissingExtraError(f"latentmotion {name}", error.name, extra) from error
 
 
 def _print_group(words: list[str]) -> None:

@@ -1,17 +1,21 @@
-"""`latentmotion retarget|blender-addon`: motions on characters and in Blender."""
+"""`latentmotion clean`, `retarget`, `blender-addon`: motions of files and on characters."""
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from tyro.conf import arg
 
-from latentmotion import robots
+from latentmotion import formats, robots
 from latentmotion.blender.build import build_zip, own_command
-from latentmotion.cleanup.pipeline import floor_under
+from latentmotion.cleanup import CleanUp, clean_batch
+from latentmotion.cleanup.pipeline import Changes, CleanUpWarning, floor_under
 from latentmotion.cli import options
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, ReadingWarning
 from latentmotion.kinematics import draft
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.plausibility import foot_sliding
@@ -20,6 +24,77 @@ from latentmotion.motion import Motion
 from latentmotion.retarget import Rig, read_rig, transfer
 from latentmotion.retarget.rig_files import open_rig
 from latentmotion.storage.files import check_writable
+
+_INPUT = f"Motion file: {' '.join(formats.READABLE)}."
+
+
+@dataclass(frozen=True)
+class Clean(options.MotionOptions):
+    """Clean up a motion: hold standing feet, remove jitter, put the figure on the floor.
+
+    A BVH file that is cleaned into a BVH file keeps its skeleton, its unit and its axes.
+
+    Example: latentmotion clean walk.npz -o walk.bvh --no-smooth
+    """
+
+    file: Annotated[options.File, arg(help=_INPUT)]
+    output: options.Outputs
+    """Files to write; the extension selects the format."""
+    skeleton: Literal["own", "ours"] = "own"
+    """Skeleton of a BVH file that is written: the file's own with all its joints, or our 22."""
+    smooth: bool = True
+    """Remove jitter."""
+    bones: bool = True
+    """Keep the length of every bone constant."""
+    floor: bool = True
+    """Put the figure on the floor."""
+    feet: bool = True
+    """Hold feet in place while they stand."""
+    in_place: bool = False
+    """Remove the root's path along the floor, as game engines expect."""
+    cutoff: float = 5.0
+    """Cutoff frequency of the smoothing in hertz: faster movement counts as jitter."""
+
+    def run(self) -> None:
+        """Reads, cleans, writes.
+
+        Raises:
+            InputError: The file cannot be read, or an ending or a folder cannot be used.
+        """
+        if not self.smooth:
+            options.refuse_unused(self, "--no-smooth leaves jitter as it is", "cutoff")
+        steps = CleanUp(
+            smooth=self.smooth,
+            bones=self.bones,
+            floor=self.floor,
+            feet=self.feet,
+            in_place=self.in_place,
+            cutoff=self.cutoff,
+        )
+        options.check_outputs(self.output)
+        before = self.load(self.file)
+        motions = clean_batch(before, steps)
+        written = [target for path in self.output for target in self._write(path, motions)]
+        options.print_written(written)
+        for old, new in zip(before, motions, strict=True):
+            print_changes(Changes.of(old, new), in_place=self.in_place)
+
+    def _write(self, path: Path, motions: list[Motion]) -> list[Path]:
+        if self.skeleton == "ours":
+            return formats.save(path, [motion.with_recorded(None) for motion in motions])
+        if {path.suffix.lower(), self.file.suffix.lower()} == {".bvh"}:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ReadingWarning)  # told when it was read
+                rig = read_rig(self.file, stated=self.stated())
+            return transfer.write(path, replace(rig, floor=0.0), motions)
+        return formats.save(path, motions)
+
+
+def print_changes(changes: Changes, in_place: bool = False) -> None:
+    """Prints what a clean-up did; a warning where that is much."""
+    print(changes.text)
+    if changes.problem and not in_place:
+        warnings.warn(changes.problem, CleanUpWarning, stacklevel=2)
 
 
 @dataclass(frozen=True)
@@ -80,7 +155,7 @@ class Retarget(options.MotionOptions):
         names = [n if names.count(n) == 1 else f"{n} {i}" for i, n in enumerate(names, 1)]
         moving = transfer.retargeted(rig, motions, self.output_fps, self.root_motion)
         written = transfer.write_animations(self.output, rig, moving, names)
-        print("\n".join(f"wrote {path}" for path in written))
+        options.print_written(written)
         for motion, animation in zip(motions, moving, strict=True):
             print(_figures(rig, motion, animation))
 
@@ -93,11 +168,11 @@ class Retarget(options.MotionOptions):
             robots.retarget(motion.resampled(self.output_fps or motion.fps), robot)
             for motion in motions
         ]
-        for path, one in zip(robots.write(output, moving), moving, strict=True):
+        for path, clip in zip(robots.write(output, moving), moving, strict=True):
             print(
-                f"wrote {path}: {len(one.angles)} frames at {one.fps:g} per second, "
-                f"{one.violations} angles beyond their limits, ankles {100 * one.missed:.1f} cm "
-                f"off, fastest hinge {one.fastest:.1f} rad/s"
+                f"wrote {path}: {len(clip.angles)} frames at {clip.fps:g} per second, "
+                f"{clip.violations} angles beyond their limits, ankles {100 * clip.missed:.1f} cm "
+                f"off, fastest hinge {clip.fastest:.1f} rad/s"
             )
 
 

@@ -5,6 +5,7 @@ A field of such a type needs no docstring, unless the type leaves the help text 
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
@@ -13,12 +14,14 @@ from tyro.conf import Positional, UseAppendAction, arg
 
 from latentmotion import formats
 from latentmotion.diffusion.samplers import SamplerName
-from latentmotion.engine.backend import Launch, Precision
+from latentmotion.engine.backend import ExecutionOptions, Launch, Precision
 from latentmotion.errors import InputError
 from latentmotion.evaluation.protocol import ProtocolName
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.standing import METERS_PER_UNIT, NOTHING, Stated
 from latentmotion.motion import Motion
+from latentmotion.storage.files import check_writable
+from latentmotion.storage.shards import ShardSubset
 
 Output = Annotated[Path, arg(aliases=["-o"])]
 """File or folder to write; the verb says which."""
@@ -70,18 +73,6 @@ Device = Annotated[
 AUTO = "auto"
 """The default of every `--device`."""
 
-ComputePrecision = Annotated[
-    Precision, arg(help="Precision of PyTorch's matrix products and convolutions.")
-]
-
-LaunchMode = Annotated[
-    Launch,
-    arg(
-        help="How PyTorch's work reaches the device: eager, graph (CUDA graphs) or compiled. The "
-        "latter two take seconds before the first motion and pay off over hundreds."
-    ),
-]
-
 Runtime = Literal["auto", "onnxruntime", "openvino", "pytorch"]
 """Engine of the networks; `auto` takes graphs if a folder has them, else PyTorch."""
 
@@ -105,14 +96,6 @@ Steps = Annotated[int | None, arg(help="Sampling steps; by default the model's o
 
 Guidance = Annotated[
     float | None, arg(help="Guidance scale of the prompt; by default the model's own.")
-]
-
-SamplerChoice = Annotated[
-    SamplerName | None,
-    arg(
-        help="Sampler: ddim (Euler), heun (two passes a step), dpm++, or ddpm (fresh noise at "
-        "every step); by default the model's own."
-    ),
 ]
 
 _ENCODERS = (
@@ -143,6 +126,44 @@ Goals = UseAppendAction[tuple[str, ...]]
 
 Changes = UseAppendAction[tuple[str, ...]]
 """Settings by `--set part.key=value`; the verb gives an example."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SamplingOptions:
+    """How a denoiser samples."""
+
+    steps: Steps = None
+    guidance: Guidance = None
+    sampler: Annotated[
+        SamplerName | None,
+        arg(
+            help="Sampler: ddim (Euler), heun (two passes a step), dpm++, or ddpm (fresh noise at "
+            "every step); by default the model's own."
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComputingOptions:
+    """What computes the networks, and how."""
+
+    text_encoder: OptionalTextEncoder = None
+    device: Device = AUTO
+    precision: Annotated[
+        Precision, arg(help="Precision of PyTorch's matrix products and convolutions.")
+    ] = "float32"
+    launch: Annotated[
+        Launch,
+        arg(
+            help="How PyTorch's work reaches the device: eager, graph (CUDA graphs) or compiled. "
+            "The latter two take seconds before the first motion and pay off over hundreds."
+        ),
+    ] = "eager"
+
+    @property
+    def execution(self) -> ExecutionOptions:
+        """Device, precision and launch mode of PyTorch."""
+        return ExecutionOptions(self.device, self.precision, self.launch)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,14 +225,13 @@ class MotionOptions(ReadingOptions):
         """
         motions = formats.load(path, self.stated())
         try:
-            return [self._changed(motion) for motion in motions]
+            if self.trim is not None:
+                motions = [motion.cut(*self.trim) for motion in motions]
+            if self.speed != 1:
+                motions = [motion.at_speed(self.speed) for motion in motions]
+            return [motion.mirrored() for motion in motions] if self.mirror else motions
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
-
-    def _changed(self, motion: Motion) -> Motion:
-        motion = motion if self.trim is None else motion.cut(*self.trim)
-        motion = motion if self.speed == 1 else motion.at_speed(self.speed)
-        return motion.mirrored() if self.mirror else motion
 
 
 DraftMapFile = Annotated[
@@ -220,6 +240,39 @@ DraftMapFile = Annotated[
 ]
 
 PrintJson = Annotated[bool, arg(help="Print one JSON object instead of text.")]
+
+
+def share_of(shard: str | None, dask: str | None) -> ShardSubset:
+    """Returns the part of some work that `--shard` names; all of it without.
+
+    Raises:
+        InputError: There is no such part, or a cluster shares the work out already.
+    """
+    if shard and dask:
+        raise InputError("give either --shard or --dask, not both")
+    return ShardSubset.parse(shard) if shard else ShardSubset()
+
+
+def check_outputs(paths: Iterable[Path]) -> None:
+    """Checks that motions can be written to files, before work begins.
+
+    Raises:
+        InputError: An ending is unknown, or a folder cannot be written.
+        LatentMotionError: A format needs what is not installed.
+    """
+    for path in paths:
+        formats.check_ending(path)
+        check_writable(path)
+
+
+def save(paths: Iterable[Path], motions: Sequence[Motion]) -> None:
+    """Writes motions to each of some files, and prints the names of what was written."""
+    print_written([file for path in paths for file in formats.save(path, motions)])
+
+
+def print_written(files: Iterable[Path]) -> None:
+    """Prints the names of files that were written."""
+    print("\n".join(f"wrote {path}" for path in files))
 
 
 def refuse_unused(command: Any, reason: str, *names: str) -> None:
@@ -233,7 +286,7 @@ def refuse_unused(command: Any, reason: str, *names: str) -> None:
     Raises:
         InputError: One of them differs from its default.
     """
-    given, kinds = [], get_type_hints(type(command), include_extras=True)
+    unused, kinds = [], get_type_hints(type(command), include_extras=True)
     for field in fields(command):
         default = field.default
         if default is MISSING and field.default_factory is not MISSING:
@@ -243,9 +296,9 @@ def refuse_unused(command: Any, reason: str, *names: str) -> None:
             off = "no-" if value is False else ""
             words = f"--{off}{field.name.replace('_', '-')}"
             markers = getattr(kinds[field.name], "__metadata__", ())
-            given.append(field.name.upper() if Positional in markers else words)
-    if given:
-        *first, last = given
+            unused.append(field.name.upper() if Positional in markers else words)
+    if unused:
+        *first, last = unused
         listed = f"{', '.join(first)} and {last}" if first else last
         have, them = ("have", "them") if first else ("has", "it")
         raise InputError(f"{reason}, so {listed} {have} no effect; leave {them} out")

@@ -1,34 +1,65 @@
-"""`latentmotion serve`: the service over HTTP and WebSocket."""
+"""`latentmotion serve`, `studio`, `mcp`, `mmcp`: a model for programs, people and agents.
+
+What serves is imported when a command runs: each needs an extra, which `main` names if it lacks.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import math
-from dataclasses import dataclass
+import webbrowser
+from dataclasses import dataclass, fields, replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from threading import Thread
+from typing import Annotated, Any
 
 from tyro.conf import UseAppendAction, arg
 
 from latentmotion.cli import options
-from latentmotion.errors import InputError, MissingExtraError
+from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT
+from latentmotion.pipeline import MotionPipeline
+from latentmotion.service.settings import (
+    LOOPBACK,
+    Middleware,
+    ServiceOptions,
+    Settings,
+    check_bind,
+    read_tokens,
+)
 
-if TYPE_CHECKING:
-    from latentmotion.service.settings import Middleware
-
-ExportedRuntime = Annotated[options.Runtime, arg(help="Engine of the networks.")]
+ModelName = Annotated[str, arg(help="Name or folder of an exported model.")]
 
 
-@dataclass(frozen=True)
-class Serve:
+@dataclass(frozen=True, kw_only=True)
+class _Listening:
+    """Options of both servers over HTTP that read a model once and run it for all requests."""
+
+    host: str = "127.0.0.1"
+    """Address to listen at; by default only this machine is let in."""
+    hosts: tuple[str, ...] = ()
+    """Names by which clients may call; by default those of this machine, or, where other machines
+    are let in, any."""
+    moves: options.Moves = ()
+    runtime: options.Runtime = "auto"
+    """Engine of the networks; a model that was not exported cannot be served."""
+
+    def _settings(self, **others: Any) -> Settings:
+        if self.runtime == "pytorch":
+            raise InputError("--runtime pytorch cannot be served; export the model first")
+        hosts = self.hosts or (LOOPBACK if self.host in LOOPBACK else ())
+        moves = tuple(path.resolve() for path in self.moves)
+        return Settings(runtime=self.runtime, moves=moves, hosts=hosts, **others)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Serve(ServiceOptions, _Listening):
     """Serve motions over HTTP and WebSocket: a page at /, an interface for programs at /v1.
 
     Example: latentmotion serve --port 8700, then open http://localhost:8700
     """
 
-    host: str = "127.0.0.1"
-    """Address to listen at; by default only this machine is let in."""
     port: int = 8700
     """Port to listen at; 0 for any free one."""
     token_file: Path | None = None
@@ -36,31 +67,10 @@ class Serve:
     digits."""
     insecure: bool = False
     """Let other machines in without tokens."""
-    hosts: tuple[str, ...] = ()
-    """Names by which clients may call; by default those of this machine, or, where other machines
-    are let in, any."""
     allow_origin: tuple[str, ...] = ()
     """Origins of web pages on other hosts that may call, such as https://example.com."""
-    model: str = DEFAULT
-    """Name or folder of an exported model."""
-    moves: options.Moves = ()
-    runtime: options.Runtime = "auto"
-    """Engine of the networks; a model that was not exported cannot be served."""
-    threads: Annotated[int, arg(help="Threads that run the model, each a batch of its own.")] = 1
     batch_size: int = 16
     """Motions that are generated together at most."""
-    queue: int = 64
-    """Motions that wait at most; beyond, requests are refused (429)."""
-    deadline: float = 30.0
-    """Seconds that a request may take."""
-    file_workers: int = 2
-    """Processes that clean up motions and write files; as many again read uploads."""
-    upload: int = 64
-    """Megabytes of an uploaded file at most."""
-    streams: int = 32
-    """Streams that are open at the same time at most."""
-    jobs: Path | None = None
-    """Folder of jobs, kept when the service stops; replicas may share it."""
     notice: float = 0.0
     """Seconds at SIGTERM between saying so at /readyz and stopping; a balancer needs some."""
     shutdown: float = 30.0
@@ -73,47 +83,28 @@ class Serve:
 
         Raises:
             InputError: An option cannot be used, or the address is taken.
-            MissingExtraError: FastAPI and what it needs are not installed.
         """
-        from latentmotion.service.settings import LOOPBACK, Settings, check_bind, read_tokens
-
-        if self.runtime == "pytorch":
-            raise InputError("--runtime pytorch cannot be served; export the model first")
         for name, seconds in (("notice", self.notice), ("shutdown", self.shutdown)):
             if not (math.isfinite(seconds) and 0 <= seconds <= 3600):
                 raise InputError(f"--{name} {seconds:g}: expected 0 to 3600 seconds")
-        settings = Settings(
-            model=self.model,
-            moves=tuple(path.resolve() for path in self.moves),
-            runtime=self.runtime,
-            threads=self.threads,
-            queue=self.queue,
+        settings = self._settings(
+            **{option.name: getattr(self, option.name) for option in fields(ServiceOptions)},
             batch=self.batch_size,
-            deadline=self.deadline,
-            file_workers=self.file_workers,
-            jobs=self.jobs,
-            streams=self.streams,
-            upload=self.upload,
             tokens=read_tokens(self.token_file) if self.token_file else (),
-            hosts=self.hosts or (LOOPBACK if self.host in LOOPBACK else ()),
             origins=self.allow_origin,
-            middleware=tuple(map(middleware_named, self.asgi_middleware)),
+            middleware=tuple(map(_middleware_named, self.asgi_middleware)),
         )
         check_bind(self.host, settings, self.insecure)
-        try:
-            from latentmotion.service.app import create_app
-            from latentmotion.service.server import address, bound, serve
-        except ModuleNotFoundError as error:
-            if error.name is None or error.name.startswith("latentmotion"):
-                raise
-            raise MissingExtraError("latentmotion serve", error.name, "serve") from error
+        from latentmotion.service.app import create_app
+        from latentmotion.service.server import address, bound, serve
+
         with bound(self.host, self.port) as listener:
             app = create_app(settings)
             print(address(listener), flush=True)
             serve(app, listener, self.notice, self.shutdown)
 
 
-def middleware_named(name: str) -> Middleware:
+def _middleware_named(name: str) -> Middleware:
     """Imports ASGI middleware.
 
     Raises:
@@ -129,3 +120,111 @@ def middleware_named(name: str) -> Middleware:
     if not callable(middleware):
         raise InputError(f"--asgi-middleware {name}: it cannot be called")
     return middleware
+
+
+@dataclass(frozen=True)
+class Studio(_Listening):
+    """Make, direct, compare and export motions on a page of this machine.
+
+    Example: latentmotion studio --library my_motions
+    """
+
+    model: UseAppendAction[tuple[str, ...]] = ()
+    """Name or folder of an exported model, fast by default; given several times, the page offers
+    them all, and those that ship, and starts with the first."""
+    port: int = 8765
+    """Port to listen at; 0 for any free one."""
+    library: Path | None = None
+    """Folder of takes, characters and projects; by default one in the user's folder for data."""
+    browser: bool = True
+    """Open the page in the browser."""
+    deadline: float = 120.0
+    """Seconds that a request may take."""
+
+    def run(self) -> None:
+        """Serves until SIGTERM or Ctrl+C.
+
+        Raises:
+            InputError: An option cannot be used, the address is taken, or the folder is none.
+        """
+        settings = self._settings(
+            model=(self.model or (DEFAULT,))[0],
+            deadline=self.deadline,
+            file_workers=1,
+            start_workers=True,
+        )
+        from latentmotion.service.server import address, bound, serve
+        from latentmotion.studio.app import create_studio
+        from latentmotion.studio.library import Library, default_folder
+        from latentmotion.studio.session import kept_token, redirecting_page
+
+        with bound(self.host, self.port) as listener:
+            library = Library((self.library or default_folder()).expanduser().resolve())
+            token = kept_token(library.folder)
+            settings = replace(settings, tokens=(hashlib.sha256(token.encode()).digest(),))
+            app = create_studio(settings, library, self.model[1:])
+            # Behind #, so that neither a log nor another page ever sees it; a browser is started
+            # with a file that leads there, so that no list of processes has it either.
+            page = f"{address(listener)}/studio#token={token}"
+            print(page, flush=True)
+            if self.browser:  # in a thread, since a browser of the terminal holds the server up
+                local_page = redirecting_page(library.folder, page).as_uri()
+                Thread(target=webbrowser.open, args=(local_page,), daemon=True).start()
+            serve(app, listener, 0.0, 5.0)
+
+
+@dataclass(frozen=True)
+class Mcp:
+    """Serve an agent over MCP: generate, direct, describe, search, retarget, render.
+
+    Without --port the agent's program starts this command and speaks to it over standard input
+    and output: claude mcp add motion -- latentmotion mcp --folder motions
+    """
+
+    folder: Path = Path()
+    """The only folder whose files the agent's tools read and write."""
+    port: int | None = None
+    """Port to listen at on this machine, over HTTP at /mcp."""
+    model: ModelName = DEFAULT
+    threads: options.Threads = None
+
+    def run(self) -> None:
+        """Serves until the agent's program goes, or Ctrl+C.
+
+        Raises:
+            InputError: There is no such folder.
+        """
+        if not self.folder.is_dir():
+            raise InputError(f"there is no folder {self.folder}; make it first")
+        from latentmotion.protocols.mcp import server
+
+        pipeline = MotionPipeline.from_pretrained(self.model, threads=self.threads)
+        ready = server(pipeline, self.folder)
+        if self.port is None:
+            ready.run("stdio")
+        else:
+            print(f"http://127.0.0.1:{self.port}/mcp", flush=True)
+            ready.run("streamable-http", host="127.0.0.1", port=self.port)
+
+
+@dataclass(frozen=True)
+class Mmcp:
+    """Serve animation programs over MMCP, such as Proscenium for Blender.
+
+    Example: latentmotion mmcp, then http://localhost:8000 as the server in the add-on
+    """
+
+    port: int = 8000
+    """Port to listen at on this machine."""
+    model: ModelName = DEFAULT
+    threads: options.Threads = None
+
+    def run(self) -> None:
+        """Serves until Ctrl+C."""
+        import uvicorn
+
+        from latentmotion.protocols.mmcp import application
+
+        app = application(MotionPipeline.from_pretrained(self.model, threads=self.threads))
+        print(f"http://localhost:{self.port}", flush=True)
+        uvicorn.run(app, host="127.0.0.1", port=self.port, log_level="warning")

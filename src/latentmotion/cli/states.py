@@ -22,7 +22,7 @@ from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT
 from latentmotion.motion import Motion
 from latentmotion.retarget import read_rig, transfer
-from latentmotion.storage.files import atomic_file, cache_folder, check_writable
+from latentmotion.storage.files import atomic_file, cache_folder
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,7 @@ class ClipSet:
         check_fps(self.fps)
         if self.takes < 1:
             raise InputError(f"--takes {self.takes}: expected 1 or more")
-        formats.check_ending(self.output)
-        check_writable(self.output)
+        options.check_outputs([self.output])
         rig = read_rig(self.to) if self.to is not None else None
         if rig is not None:
             transfer.check_output(rig, self.output)
@@ -96,7 +95,7 @@ class ClipSet:
                 f"{about['speed']:.2f} m/s, {steps} steps, feet slide "
                 f"{1e2 * sliding_in_contact(clip):.1f} cm/s"
             )
-        print("\n".join(f"wrote {path}" for path in written))
+        options.print_written(written)
 
 
 def _write_tables(output: Path, clips: Sequence[Motion]) -> list[Path]:

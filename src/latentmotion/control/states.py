@@ -26,7 +26,7 @@ from latentmotion.control.generator import Generator
 from latentmotion.control.goals import FASTEST, Goal, Pose
 from latentmotion.control.stream import generate_loop
 from latentmotion.errors import InputError, hint
-from latentmotion.formats.contact_events import contact_events
+from latentmotion.formats.tables import contact_events
 from latentmotion.kinematics.skeleton import joints_of_bones
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from latentmotion.data.report import Part
 from latentmotion.data.store import Manifest
-from latentmotion.storage.hub import PIPELINE, front_matter, license_fields
+from latentmotion.storage.provenance import PIPELINE, front_matter, license_fields
 
 README = "README.md"
 

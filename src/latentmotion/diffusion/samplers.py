@@ -30,7 +30,7 @@ from latentmotion.diffusion.parametrization import (
 from latentmotion.diffusion.schedule import ScaledLinear, Schedule
 from latentmotion.errors import InputError
 from latentmotion.plugins import plugin_names
-from latentmotion.storage.parts import part_named
+from latentmotion.storage.configuration import part_named
 
 SamplerName = Literal["ddim", "euler", "ddpm", "heun", "dpm++"]
 """Samplers that cards and the command line name; `euler` is `ddim`, see there."""

@@ -21,8 +21,8 @@ from jaxtyping import Float, Int
 
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
+from latentmotion.storage.configuration import part_named
 from latentmotion.storage.limits import MOST_STEPS
-from latentmotion.storage.parts import part_named
 
 Time = Any
 """One time as a number, or an array of one time per item of the batch (NumPy or torch)."""

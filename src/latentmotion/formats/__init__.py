@@ -29,13 +29,13 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         ".amass.npz": "latentmotion.formats.smpl_npz:write_amass",
         ".smplx.npz": "latentmotion.formats.smpl_npz:write_smplx",
         ".smpl.npz": "latentmotion.formats.smpl_npz:write_smpl",
-        ".csv": "latentmotion.formats.csv_joints:write",
-        ".contacts.csv": "latentmotion.formats.contact_events:write",
-        ".contacts.json": "latentmotion.formats.contact_events:write",
+        ".csv": "latentmotion.formats.tables:write",
+        ".contacts.csv": "latentmotion.formats.tables:write_events",
+        ".contacts.json": "latentmotion.formats.tables:write_events",
         ".bvh": "latentmotion.formats.takes:write_bvh_files",
         ".glb": "latentmotion.formats.gltf:write",
         ".gltf": "latentmotion.formats.gltf:write",
-        ".vrma": "latentmotion.formats.vrma:write",
+        ".vrma": "latentmotion.formats.gltf:write_vrma",
         **dict.fromkeys((".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd:write"),
         ".fbx": "latentmotion.formats.fbx:write",
         ".html": "latentmotion.viewer.page:write_page",
@@ -50,7 +50,7 @@ READABLE: Mapping[str, str] = MappingProxyType(
     {
         ".npz": "latentmotion.formats.npz:read",
         ".npy": "latentmotion.formats.npz:read_joints",
-        ".csv": "latentmotion.formats.csv_joints:read",
+        ".csv": "latentmotion.formats.tables:read",
         ".bvh": "latentmotion.formats.takes:read_bvh_file",
         ".glb": "latentmotion.formats.gltf_reader:read_takes",
         ".gltf": "latentmotion.formats.gltf_reader:read_takes",
@@ -155,9 +155,9 @@ def load(path: str | Path, stated: Stated | None = None) -> list[Motion]:
     from latentmotion.formats.takes import standing_motion
 
     source = Path(path)
-    told: list[warnings.WarningMessage] = []
+    notices: list[warnings.WarningMessage] = []
     try:
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as notices:
             warnings.simplefilter("always", ReadingWarning)
             trusted = stated is None and source.suffix.lower() != ".npy"  # bare joints say nothing
             return [standing_motion(take, stated, trusted) for take in read(source)]
@@ -165,7 +165,9 @@ def load(path: str | Path, stated: Stated | None = None) -> list[Motion]:
         named = str(error).startswith(str(source)) or not source.is_file()
         raise type(error)(str(error) if named else f"{source}: {error}") from error
     finally:
-        for text, category in dict.fromkeys((str(one.message), one.category) for one in told):
+        for text, category in dict.fromkeys(
+            (str(notice.message), notice.category) for notice in notices
+        ):
             named = category is not ReadingWarning or text.startswith(str(source))
             warnings.warn(text if named else f"{source}: {text}", category, stacklevel=2)
 

@@ -149,8 +149,7 @@ class _AsfReader:
         for line, (word, *values) in lines:
             keyword = word.lower()
             if bone is None:
-                if keyword != "begin":
-                    raise FileFormatError(self.path, f"found {word!r}, expected 'begin'", line)
+                self._check(keyword == "begin", f"found {word!r}, expected 'begin'", line)
                 bone = Bone()
                 continue
             match keyword:
@@ -168,13 +167,15 @@ class _AsfReader:
                 case "dof":
                     bone.channels = self._channels(line, values, _ROTATIONS)
                 case "end":
-                    if not bone.name or bone.direction is None or bone.length is None:
-                        problem = f"bone {bone.name!r} lacks its name, direction or length"
-                        raise FileFormatError(self.path, problem, line)
-                    if bone.name in self.bones:
-                        raise FileFormatError(self.path, f"found bone {bone.name!r} twice", line)
-                    if len(self.bones) >= MOST_JOINTS:
-                        raise FileFormatError(self.path, f"more than {MOST_JOINTS:,} bones", line)
+                    full = bone.name and bone.direction is not None and bone.length is not None
+                    problem = f"bone {bone.name!r} lacks its name, direction or length"
+                    self._check(bool(full), problem, line)
+                    self._check(
+                        bone.name not in self.bones, f"found bone {bone.name!r} twice", line
+                    )
+                    self._check(
+                        len(self.bones) < MOST_JOINTS, f"more than {MOST_JOINTS:,} bones", line
+                    )
                     self.bones[bone.name] = bone
                     bone = None
         if bone is not None:
@@ -183,35 +184,39 @@ class _AsfReader:
 
     def hierarchy(self, lines: list[_Line]) -> dict[str, str]:
         """Reads `:hierarchy` and returns each bone's parent, parents first."""
-        if [words[0].lower() for _, words in (lines[0], lines[-1])] != ["begin", "end"]:
-            problem = "':hierarchy' does not run from 'begin' to 'end': truncated"
-            raise FileFormatError(self.path, problem, lines[-1][0])
+        whole = [words[0].lower() for _, words in (lines[0], lines[-1])] == ["begin", "end"]
+        problem = "':hierarchy' does not run from 'begin' to 'end': truncated"
+        self._check(whole, problem, lines[-1][0])
         parents: dict[str, str] = {}
         for line, (parent, *children) in lines[1:-1]:
             for child in children:
                 for name in (parent, child):
-                    if name not in self.bones:
-                        problem = f"found bone {name!r}, not in ':bonedata'"
-                        raise FileFormatError(self.path, problem, line)
-                if child in parents or child == "root" or parent not in ("root", *parents):
-                    problem = f"bone {child!r} below {parent!r} makes no tree from the root down"
-                    raise FileFormatError(self.path, problem, line)
+                    self._check(
+                        name in self.bones, f"found bone {name!r}, not in ':bonedata'", line
+                    )
+                new = child not in ("root", *parents) and parent in ("root", *parents)
+                problem = f"bone {child!r} below {parent!r} makes no tree from the root down"
+                self._check(new, problem, line)
                 parents[child] = parent
         return parents
 
     def _axes(self, line: int, words: list[str]) -> Float[np.ndarray, "3 3"]:
         order = words[-1].upper() if words else ""
-        if sorted(order) != ["X", "Y", "Z"]:
-            raise FileFormatError(self.path, "found no order of axes, expected e.g. 'XYZ'", line)
+        problem = "found no order of axes, expected e.g. 'XYZ'"
+        self._check(sorted(order) == ["X", "Y", "Z"], problem, line)
         angles = numbers(self.path, line, words[:-1], 3)
         return turned_in_order(np.deg2rad(angles) if self.degrees else angles, order)
 
     def _channels(self, line: int, words: list[str], allowed: frozenset[str]) -> tuple[str, ...]:
         channels = tuple(word.upper() for word in words)
-        if set(channels) - allowed or len(set(channels)) < len(channels):
-            problem = f"found the channels {words}, expected some of {sorted(allowed)}, each once"
-            raise FileFormatError(self.path, problem, line)
+        problem = f"found the channels {words}, expected some of {sorted(allowed)}, each once"
+        self._check(allowed.issuperset(channels), problem, line)
+        self._check(len(set(channels)) == len(channels), problem, line)
         return channels
+
+    def _check(self, condition: bool, problem: str, line: int) -> None:
+        if not condition:
+            raise FileFormatError(self.path, problem, line)
 
 
 def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 120.0) -> Animation:

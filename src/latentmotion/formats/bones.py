@@ -43,11 +43,28 @@ class WorldPose:
     """Rotations in the world."""
 
 
+Frame = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""A bone in the world: its position, its rotation, and its matrix with all scales."""
+
+
+def placed(
+    parent: Frame, translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray
+) -> Frame:
+    """Returns the frame of a bone that is moved, turned and scaled relative to its parent's."""
+    position, turned, linear = parent
+    return (
+        position + np.einsum("...ab,...b->...a", linear, translation),
+        turned @ rotation,
+        linear @ (rotation * scale[..., None, :]),
+    )
+
+
 def plain_skeleton(
     name: str, names: Sequence[str], parents: Sequence[int], rest: WorldPose
 ) -> Skeleton:
     """Returns the skeleton of a rest pose in the world; repeated names get a number."""
     offsets = rest.positions - rest.positions[[max(parent, 0) for parent in parents]]
+    # Files may repeat a name; joints are looked up by theirs.
     counts: dict[str, int] = {}
     distinct = []
     for joint in names:

@@ -38,7 +38,7 @@ _CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
 
 
 @dataclass
-class Node:
+class BvhNode:
     """One `ROOT`, `JOINT` or `End Site` block."""
 
     name: str
@@ -58,7 +58,7 @@ class Node:
         return "".join(axis for axis, kind in self.channels if kind == "rotation")
 
 
-def read_hierarchy(path: Path, lines: Sequence[str]) -> tuple[list[Node], int]:
+def read_hierarchy(path: Path, lines: Sequence[str]) -> tuple[list[BvhNode], int]:
     """Reads up to `MOTION`.
 
     Args:
@@ -122,7 +122,7 @@ class _BvhReader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.nodes: list[Node] = []
+        self.nodes: list[BvhNode] = []
         self.ended = False
         self._line = 0
         self._open: list[int] = []
@@ -145,12 +145,12 @@ class _BvhReader:
             case "ROOT":
                 problem = "found a second 'ROOT', expected one skeleton per file"
                 self._check(not self.nodes, problem)
-                self._add(Node(" ".join(values), -1))
+                self._add(BvhNode(" ".join(values), -1))
             case "JOINT":
-                self._add(Node(" ".join(values), self._current()))
+                self._add(BvhNode(" ".join(values), self._current()))
             case "END":
                 parent = self._current()
-                self._add(Node(f"{self.nodes[parent].name}_end", parent, is_end=True))
+                self._add(BvhNode(f"{self.nodes[parent].name}_end", parent, is_end=True))
             case "{":
                 assert self._unopened is not None
                 self._open.append(self._unopened)
@@ -178,7 +178,7 @@ class _BvhReader:
         node = self.nodes[self._current()]
         node.channels = [(match[1].upper(), match[2].lower()) for match in matches]
 
-    def _add(self, node: Node) -> None:
+    def _add(self, node: BvhNode) -> None:
         self._check(len(self.nodes) < MOST_JOINTS, f"more than {MOST_JOINTS:,} joints")
         name, copy = node.name, self._copies.get(node.name, 2)
         while node.name in self._taken:

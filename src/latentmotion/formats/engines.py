@@ -67,14 +67,14 @@ _HUMANOID = (
 """Names of Unity's humanoid and of Godot's `SkeletonProfileHumanoid`."""
 
 
-def _engine(root: str, middle: str, side: str, marks: tuple[str, str]) -> Engine:
+def _engine(root: str, middle: str, side: str, marks: tuple[str, str], prefix: str = "") -> Engine:
     parts = ["pelvis", "spine1", "spine2", "spine3", "neck", "head"]
     names = dict(zip(parts, middle.split(), strict=True))
     limbs = ["hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist"]
     for whole, mark in zip(SIDES, marks, strict=True):
         words = side.replace("@", mark).split()
         names |= {f"{whole}_{limb}": word for limb, word in zip(limbs, words, strict=True)}
-    return Engine(root, names, 30.0)
+    return Engine(root, {joint: prefix + bone for joint, bone in names.items()}, 30.0)
 
 
 _SWAY = 0.25
@@ -134,24 +134,10 @@ ENGINES: Mapping[EngineName, Engine] = MappingProxyType(
         "godot": _engine(*_HUMANOID),
         "mixamo": _engine(
             "",
-            " ".join(
-                f"mixamorig:{bone}"
-                for bone in ["Hips", "Spine", "Spine1", "Spine2", "Neck", "Head"]
-            ),
-            " ".join(
-                f"mixamorig:@{bone}"
-                for bone in [
-                    "UpLeg",
-                    "Leg",
-                    "Foot",
-                    "ToeBase",
-                    "Shoulder",
-                    "Arm",
-                    "ForeArm",
-                    "Hand",
-                ]
-            ),
+            "Hips Spine Spine1 Spine2 Neck Head",
+            "@UpLeg @Leg @Foot @ToeBase @Shoulder @Arm @ForeArm @Hand",
             ("Left", "Right"),
+            prefix="mixamorig:",
         ),
         "lafan": Engine(
             *("Hips", {}, 30.0, (".bvh",)),
@@ -235,8 +221,8 @@ def root_motion(
     if not beside:
         return path, yaw
     first = beside * (len(motion) - 1)
-    kept = slice(first, first + len(motion))
-    return path[kept], yaw[kept]
+    inside = slice(first, first + len(motion))
+    return path[inside], yaw[inside]
 
 
 def _figure(motion: Motion, animation: Animation) -> Motion:

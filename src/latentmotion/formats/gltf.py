@@ -18,8 +18,10 @@ from latentmotion.errors import InputError
 from latentmotion.formats.bones import BoneAxes, bone_axes
 from latentmotion.formats.engines import mannequin_of
 from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
+from latentmotion.formats.takes import numbered
+from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
-from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.motion import Motion, animations
 from latentmotion.render.mannequin import ACCENT, GREY, Mannequin
 
@@ -72,6 +74,7 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = Tru
         children = list(skeleton.children(joint))
         nodes.append({"name": name, **rest_pose} | ({"children": children} if children else {}))
     document = Document({"asset": {"version": "2.0", "generator": "latentmotion"}, "scene": 0})
+    # One skin and one mesh for all takes: programs list the animations of one figure.
     document.json |= {
         "scenes": [{"nodes": [0, len(skeleton)] if mesh else [0]}],
         "nodes": [*nodes, {"name": "mannequin", "mesh": 0, "skin": 0}] if mesh else nodes,
@@ -178,3 +181,45 @@ def _moves(animation: Animation) -> Bool[np.ndarray, " joints"]:
     if animation.translations is None:
         return np.zeros(len(animation.skeleton), bool)
     return np.ptp(animation.translations, axis=0).max(-1) > _SAME
+
+
+_VRM_BONES = {
+    **{"pelvis": "hips", "spine1": "spine", "spine2": "chest", "spine3": "upperChest"},
+    **{"neck": "neck", "head": "head"},
+    **{
+        f"{side}_{ours}": side + bone
+        for side in SIDES
+        for ours, bone in (
+            *(("hip", "UpperLeg"), ("knee", "LowerLeg"), ("ankle", "Foot"), ("foot", "Toes")),
+            *(("collar", "Shoulder"), ("shoulder", "UpperArm"), ("elbow", "LowerArm")),
+            ("wrist", "Hand"),
+        )
+    },
+}
+"""HumanML3D's joint → VRM's bone."""
+
+
+def write_vrma(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
+    """Writes VRM animations, which any VRM avatar can play: `out.vrma`, or `out-1.vrma` and so on.
+
+    A VRM animation is glTF without a mesh, whose extension names the nodes that are VRM's bones.
+    The nodes rest in a T-pose; only the hips move. It is read as glTF is.
+    Source: https://github.com/vrm-c/vrm-specification, VRMC_vrm_animation-1.0
+
+    Raises:
+        InputError: The joints are others than HumanML3D's, or the folder cannot be written.
+    """
+    paths = numbered(Path(path), len(motions))
+    for target, motion in zip(paths, motions, strict=True):
+        if motion.skeleton.names[: len(HUMANML3D)] != HUMANML3D.names:
+            raise InputError(
+                f"cannot write {target}: VRM's bones are known for HumanML3D's joints, not for "
+                f"those of {motion.skeleton.name!r}"
+            )
+        document, joint = make_document([motion], mesh=False), motion.skeleton.names.index
+        bones = {bone: {"node": joint(ours)} for ours, bone in _VRM_BONES.items()}
+        extension = {"specVersion": "1.0", "humanoid": {"humanBones": bones}}
+        document.json["extensionsUsed"] = ["VRMC_vrm_animation"]
+        document.json["extensions"] = {"VRMC_vrm_animation": extension}
+        document.write(target)
+    return paths

@@ -111,21 +111,20 @@ class Document:
         Raises:
             InputError: There is a number that is not finite.
         """
-        try:
-            return self._encoded(Path(path).suffix.lower() == ".gltf")
-        except ValueError as error:
-            raise InputError(f"cannot write {path}: {error}; glTF has finite numbers") from error
-
-    def _encoded(self, as_text: bool) -> bytes:
         entries = {key: value for key, value in self.json.items() if key != "buffers"}
         buffer: dict[str, Any] = {"byteLength": len(self.binary)}
+        as_text = Path(path).suffix.lower() == ".gltf"
+        style: dict[str, Any] = {"indent": 1} if as_text else {"separators": (",", ":")}
         if as_text:
             data = base64.b64encode(self.binary).decode()
             buffer["uri"] = "data:application/octet-stream;base64," + data
-            whole = entries | ({"buffers": [buffer]} if self.binary else {})
-            return json.dumps(whole, indent=1, allow_nan=False).encode()
         whole = entries | ({"buffers": [buffer]} if self.binary else {})
-        text = json.dumps(whole, separators=(",", ":"), allow_nan=False).encode()
+        try:
+            text = json.dumps(whole, allow_nan=False, **style).encode()
+        except ValueError as error:
+            raise InputError(f"cannot write {path}: {error}; glTF has finite numbers") from error
+        if as_text:
+            return text
         chunks = [(b"JSON", text + b" " * (-len(text) % 4))]
         if self.binary:
             chunks += [(b"BIN\0", bytes(self.binary) + bytes(-len(self.binary) % 4))]

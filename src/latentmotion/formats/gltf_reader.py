@@ -21,7 +21,14 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
-from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
+from latentmotion.formats.bones import (
+    Frame,
+    WorldPose,
+    even_rate,
+    placed,
+    plain_animation,
+    plain_skeleton,
+)
 from latentmotion.formats.checks import check_filled, checked_animation
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.takes import SkeletonTake
@@ -32,9 +39,6 @@ from latentmotion.storage.reading import blamed_on
 
 _PATHS = ("translation", "rotation", "scale")
 _DAMAGE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError)
-
-Frame = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""A node in the world: its position, its rotation, and its matrix with all scales."""
 
 
 def read_animations(path: str | Path) -> list[Animation]:
@@ -66,11 +70,9 @@ def damage(path: Path) -> Iterator[None]:
     Raises:
         FileFormatError: The block raised one of them.
     """
-    try:
-        with np.errstate(all="ignore"), blamed_on(path):  # results are checked to be finite
-            yield
-    except _DAMAGE as error:
-        raise FileFormatError(path, f"damaged glTF: {error!r:.300}") from error
+    damaged = blamed_on(path, *_DAMAGE, problem="damaged glTF: {error!r:.300}")
+    with damaged, np.errstate(all="ignore"), blamed_on(path):  # results are checked to be finite
+        yield
 
 
 def read_takes(path: str | Path) -> list[SkeletonTake]:
@@ -268,13 +270,8 @@ class GltfScene:
         frames: dict[int, Frame] = {-1: (np.zeros(3), np.eye(3), np.eye(3))}
         needed = {ancestor for node in nodes for ancestor in self.line(node)}
         for node in sorted(needed, key=lambda node: len(self.line(node))):
-            local = transforms[node]
-            position, rotation, linear = frames[self.parents[node]]
-            frames[node] = (
-                position + np.einsum("...ab,...b->...a", linear, local.translation),
-                rotation @ local.rotation,
-                linear @ (local.rotation * local.scale[..., None, :]),
-            )
+            local, above = transforms[node], frames[self.parents[node]]
+            frames[node] = placed(above, local.translation, local.rotation, local.scale)
         return frames
 
     def line(self, node: int) -> list[int]:

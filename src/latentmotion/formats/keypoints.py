@@ -20,7 +20,6 @@ Unit and up axis of points in 3D are stated, or guessed by the body, as those of
 
 from __future__ import annotations
 
-import csv
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,7 +31,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, InputError, ReadingWarning, hint
-from latentmotion.formats.checks import read_lines, whole_rate
+from latentmotion.formats.checks import numbers, read_lines, whole_rate
 from latentmotion.kinematics.keypoints import (
     LAYOUTS,
     Keypoints,
@@ -43,8 +42,8 @@ from latentmotion.kinematics.keypoints import (
 )
 from latentmotion.kinematics.standing import AXES, METERS_PER_UNIT, meters_per_unit, up_axis
 from latentmotion.storage.array_files import names_in, read_array, read_arrays
-from latentmotion.storage.limits import MOST_FRAMES, MOST_NUMBER
-from latentmotion.storage.reading import blamed_on, read_json_file
+from latentmotion.storage.limits import MOST_FRAMES
+from latentmotion.storage.reading import blamed_on, csv_rows, read_json_file
 
 ENDINGS = (".npz", ".npy", ".json", ".csv")
 """Endings of files that are read."""
@@ -114,12 +113,9 @@ def read_keypoints(path: str | Path, stated: KeypointOptions = KeypointOptions()
         raise InputError(f"there is no file {path}")
     if stated.up is not None and stated.up not in AXES:
         raise InputError(f"up is {stated.up!r}: expected {', '.join(AXES)}")
-    with blamed_on(path):
-        try:
-            values = _folder(path) if path.is_dir() else readers[ending](path)
-            return _keypoints(path, values, stated)
-        except (ValueError, TypeError) as error:
-            raise FileFormatError(path, f"no keypoints: {error}") from error
+    with blamed_on(path), blamed_on(path, ValueError, TypeError, problem="no keypoints: {error}"):
+        values = _folder(path) if path.is_dir() else readers[ending](path)
+        return _keypoints(path, values, stated)
 
 
 def _keypoints(path: Path, values: Mapping[str, Any], stated: KeypointOptions) -> Keypoints:
@@ -274,6 +270,7 @@ def _of_people(frames: Sequence[Sequence[Any]]) -> dict[str, Any]:
     shape = next((row.shape for row in rows if row is not None), None)
     if shape is None:
         raise InputError("holds nobody: expected people with keypoints")
+    # Frames without anybody count as not seen: their scores are zero.
     table = np.stack([np.zeros(shape) if row is None else row for row in rows])
     scores = table[..., -1]
     points = np.where(scores[..., None] > 0, table[..., :-1], np.nan)
@@ -325,10 +322,7 @@ def _check_keys(path: Path, keys: Sequence[str] | Mapping[str, Any]) -> None:
 
 
 def _csv(path: Path) -> dict[str, Any]:
-    try:
-        rows = list(csv.reader(read_lines(path)))
-    except csv.Error as error:
-        raise FileFormatError(path, f"not CSV ({error})") from error
+    rows = csv_rows(path, read_lines(path))
     header = [name.strip() for name in rows[0]]
     columns: dict[str, dict[str, int]] = {}  # keypoint → x, y, z, score → column
     clock, counter, extra = None, None, []
@@ -416,13 +410,8 @@ def _cells(path: Path, line: int, row: Sequence[str], count: int) -> Float[np.nd
     """Returns the numbers of a row; NaN where a cell is empty."""
     if len(row) != count:
         raise FileFormatError(path, f"found {len(row)} values, expected {count}", line)
-    values = []
-    for word in row:
-        try:
-            value = float(word) if word.strip() else np.nan
-        except ValueError as error:
-            raise FileFormatError(path, f"found {word[:40]!r}, expected a number", line) from error
-        if word.strip() and not abs(value) <= MOST_NUMBER:
-            raise FileFormatError(path, f"found {word[:40]!r}, expected a finite number", line)
-        values.append(value)
-    return np.array(values)
+    values = np.full(count, np.nan)
+    for column, word in enumerate(row):
+        if word.strip():
+            values[column] = numbers(path, line, [word], 1)[0]
+    return values

@@ -15,8 +15,7 @@ from tempfile import TemporaryDirectory
 
 from latentmotion.errors import MissingExtraError
 from latentmotion.motion import Motion
-from latentmotion.viewer.marks import marks_of
-from latentmotion.viewer.page import filled_page, json_in_html, payload
+from latentmotion.viewer.page import filled_page, json_in_html, marks_of, payload
 
 _FIGURES, _WIDTH = 6, 640
 """Figures of the picture, and its pixels from left to right."""
@@ -24,7 +23,7 @@ _FIGURES, _WIDTH = 6, 640
 _HTML = """<div data-motion="{name}">{picture}</div>
 <script>
 (() => {{
-  {kept}
+  {viewer}
   const show = () => {{
     const viewer = globalThis.latentmotionViewer;
     if (!viewer) return setTimeout(show, 500);
@@ -51,12 +50,12 @@ def bundle(motion: Motion) -> dict[str, str]:
     motions["motions"][0]["marks"] = marks_of(motion)
     content = json_in_html(motions)
     page = filled_page("Latent Motion", "{{motions}}")
-    kept = "" if _is_shown else f"globalThis.latentmotionViewer = {_in_script(page)};"
+    viewer = "" if _is_shown else f"globalThis.latentmotionViewer = {_in_script(page)};"
     _is_shown = True
     picture, caption = _strip(motion), html.escape(motion.caption or "a motion")
     shown = f'<img src="data:image/png;base64,{picture}" alt="{caption}">' if picture else caption
     name = hashlib.sha256(content.encode()).hexdigest()[:16]
-    text = _HTML.format(name=name, picture=shown, kept=kept, content=_in_script(content))
+    text = _HTML.format(name=name, picture=shown, viewer=viewer, content=_in_script(content))
     pictures = {"image/png": picture} if picture else {}
     return {"text/plain": repr(motion), "text/html": text, **pictures}
 

@@ -87,7 +87,7 @@ def read_motions(path: str | Path) -> list[Motion]:
     arrays = read_arrays(path, _KEYS)
     try:
         with blamed_on(path):
-            motions = _motions(path, arrays)
+            return _motions(path, arrays)
     except KeyError as error:
         sizes = " or ".join(map(str, _KNOWN))
         lack = f"not a motion file of Latent Motion: it lacks {error}"
@@ -96,7 +96,6 @@ def read_motions(path: str | Path) -> list[Motion]:
         ) from error
     except (ValueError, TypeError) as error:
         raise FileFormatError(path, f"not a motion file of Latent Motion ({error})") from error
-    return motions
 
 
 def _motions(path: str | Path, arrays: Mapping[str, np.ndarray]) -> list[Motion]:

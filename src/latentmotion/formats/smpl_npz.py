@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -46,36 +46,25 @@ PELVIS, _PELVIS_X = np.array([0, -0.22, 0.03]), np.array([0, -0.35, 0.01])
 moves the template, not the pelvis."""
 
 
-@dataclass(frozen=True, eq=False)
-class Parameters:
-    """Pose parameters, the same in all layouts."""
-
-    rotations: Float[np.ndarray, "frames joints 3"]
-    """Rotation vectors of SMPL's first 22 or 24 joints."""
-    trans: Float[np.ndarray, "frames 3"]
-    """Translation of the template, meters."""
-
-
 def write_amass(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     """Writes SMPL-H parameters in AMASS's layout, a file for each motion.
 
     Raises:
         InputError: The skeleton is not SMPL's, or the folder cannot be written.
     """
-    layouts = []
-    for motion in motions:
-        parameters = _parameters(motion, _Z_UP, PELVIS)
-        layouts.append(
-            {
-                "poses": _padded(parameters.rotations, 52),
-                "trans": parameters.trans,
-                "betas": np.zeros(16),
-                "dmpls": np.zeros((len(motion), 8)),
-                "gender": np.array("neutral"),
-                "mocap_framerate": np.array(motion.fps),
-            }
-        )
-    return _write(path, motions, layouts)
+
+    def layout(motion: Motion) -> dict[str, Any]:
+        poses, trans = _parameters(motion, _Z_UP, PELVIS, 52)
+        return {
+            "poses": poses,
+            "trans": trans,
+            "betas": np.zeros(16),
+            "dmpls": np.zeros((len(motion), 8)),
+            "gender": np.array("neutral"),
+            "mocap_framerate": np.array(motion.fps),
+        }
+
+    return _write(path, motions, layout)
 
 
 def write_smplx(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
@@ -84,28 +73,26 @@ def write_smplx(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     Raises:
         InputError: The skeleton is not SMPL's, or the folder cannot be written.
     """
-    layouts = []
-    for motion in motions:
-        parameters = _parameters(motion, _Z_UP, _PELVIS_X)
-        poses = _padded(parameters.rotations, _SMPLX_JOINTS)
-        layouts.append(
-            {
-                "poses": poses,
-                "root_orient": poses[:, :3],
-                "pose_body": poses[:, 3:66],
-                "pose_jaw": poses[:, 66:69],
-                "pose_eye": poses[:, 69:75],
-                "pose_hand": poses[:, 75:],
-                "trans": parameters.trans,
-                "betas": np.zeros(16),
-                "num_betas": np.array(16),
-                "gender": np.array("neutral"),
-                "surface_model_type": np.array("smplx"),
-                "mocap_frame_rate": np.array(motion.fps),
-                "mocap_time_length": np.array(motion.seconds),
-            }
-        )
-    return _write(path, motions, layouts)
+
+    def layout(motion: Motion) -> dict[str, Any]:
+        poses, trans = _parameters(motion, _Z_UP, _PELVIS_X, _SMPLX_JOINTS)
+        return {
+            "poses": poses,
+            "root_orient": poses[:, :3],
+            "pose_body": poses[:, 3:66],
+            "pose_jaw": poses[:, 66:69],
+            "pose_eye": poses[:, 69:75],
+            "pose_hand": poses[:, 75:],
+            "trans": trans,
+            "betas": np.zeros(16),
+            "num_betas": np.array(16),
+            "gender": np.array("neutral"),
+            "surface_model_type": np.array("smplx"),
+            "mocap_frame_rate": np.array(motion.fps),
+            "mocap_time_length": np.array(motion.seconds),
+        }
+
+    return _write(path, motions, layout)
 
 
 def write_smpl(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
@@ -114,21 +101,19 @@ def write_smpl(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     Raises:
         InputError: The skeleton is not SMPL's, or the folder cannot be written.
     """
-    layouts = []
-    for motion in motions:
-        parameters = _parameters(motion, np.eye(3), PELVIS)
-        poses = _padded(parameters.rotations, 24)
-        layouts.append(
-            {
-                "global_orient": poses[:, :3],
-                "body_pose": poses[:, 3:],
-                "transl": parameters.trans,
-                "betas": np.zeros((1, 10)),
-                "gender": np.array("neutral"),
-                "fps": np.array(motion.fps),
-            }
-        )
-    return _write(path, motions, layouts)
+
+    def layout(motion: Motion) -> dict[str, Any]:
+        poses, trans = _parameters(motion, np.eye(3), PELVIS, 24)
+        return {
+            "global_orient": poses[:, :3],
+            "body_pose": poses[:, 3:],
+            "transl": trans,
+            "betas": np.zeros((1, 10)),
+            "gender": np.array("neutral"),
+            "fps": np.array(motion.fps),
+        }
+
+    return _write(path, motions, layout)
 
 
 KEYS = frozenset(
@@ -151,7 +136,8 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
     """
     is_z_up = "poses" in arrays
     keys = ("poses",) if is_z_up else ("global_orient", "body_pose")
-    try:
+    kinds = ValueError, TypeError, KeyError
+    with blamed_on(path, *kinds, problem="no poses of SMPL ({error})"):
         blocks = [np.asarray(arrays[key], np.float64) for key in keys]
         poses = np.concatenate(
             [block.reshape(len(block), math.prod(block.shape[1:])) for block in blocks], axis=1
@@ -160,8 +146,6 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
         trans = arrays["trans"] if is_z_up else arrays.get("transl", still)
         trans = np.asarray(trans, np.float64)
         rates = [float(arrays[key]) for key in _RATES if key in arrays]
-    except (ValueError, TypeError, KeyError) as error:
-        raise FileFormatError(path, f"no poses of SMPL ({error})") from error
     if not len(poses) or poses.shape[1] < 3 * _JOINTS or trans.shape != (len(poses), 3):
         shapes = f"found poses {poses.shape} and trans {trans.shape}"
         raise FileFormatError(path, f"{shapes}, expected (frames, 66 or more) and (frames, 3)")
@@ -181,8 +165,15 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
 
 
 def _parameters(
-    motion: Motion, axes: Float[np.ndarray, "3 3"], pelvis: Float[np.ndarray, " 3"]
-) -> Parameters:
+    motion: Motion,
+    axes: Float[np.ndarray, "3 3"],
+    pelvis: Float[np.ndarray, " 3"],
+    joints: int,
+) -> tuple[Float[np.ndarray, "frames values"], Float[np.ndarray, "frames 3"]]:
+    """Returns pose parameters of so many joints, and the translation of the template in meters.
+
+    The first 22 joints are the motion's; all others rest.
+    """
     animation = motion.animation()
     names = animation.skeleton.names
     if names not in (HUMANML3D.names, BODY.names):
@@ -190,25 +181,21 @@ def _parameters(
         raise InputError(f"{problem}: it can be written as .bvh, .glb, .usdc, .csv or .npz")
     rotations = rotations_from(smpl_body(len(names)), animation)
     rotations[:, 0] = axes @ rotations[:, 0]
-    return Parameters(axis_angle_from_matrix(rotations), animation.root_positions @ axes.T - pelvis)
+    poses = np.zeros((len(rotations), joints, 3))
+    poses[:, :_JOINTS] = axis_angle_from_matrix(rotations)[:, :_JOINTS]
+    return poses.reshape(len(poses), -1), animation.root_positions @ axes.T - pelvis
 
 
 def _write(
-    path: str | Path, motions: Sequence[Motion], layouts: Sequence[dict[str, Any]]
+    path: str | Path, motions: Sequence[Motion], layout: Callable[[Motion], dict[str, Any]]
 ) -> list[Path]:
-    paths = numbered(Path(path), len(motions))
+    # All parameters before the first file, so that nothing is written if a skeleton is not SMPL's.
+    layouts, paths = [layout(motion) for motion in motions], numbered(Path(path), len(motions))
     for target, motion, arrays in zip(paths, motions, layouts, strict=True):
         notes = json.dumps(dict(motion.metadata))
         arrays |= {"caption": np.array(motion.caption), "metadata": np.array(notes)}
         write_arrays(target, arrays)
     return paths
-
-
-def _padded(rotations: Float[np.ndarray, "frames joints 3"], joints: int) -> np.ndarray:
-    """Returns the first 22 joints, and rest for all others, in rows."""
-    padded = np.zeros((len(rotations), joints, 3))
-    padded[:, :_JOINTS] = rotations[:, :_JOINTS]
-    return padded.reshape(len(rotations), -1)
 
 
 def smpl_body(joints: int) -> Skeleton:

@@ -38,6 +38,7 @@ from latentmotion.kinematics.rotations import (
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.storage import tensor_pickles
 from latentmotion.storage.limits import MOST_FRAMES, MOST_NUMBER
+from latentmotion.storage.reading import blamed_on
 
 _JOINTS = len(HUMANML3D)
 
@@ -52,7 +53,7 @@ _PERSONS, _CAMERA = "hps", "camera.npy"
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class PersonTrack:
     """A person in the frames in which it is seen."""
 
     rotations: Float[np.ndarray, "frames joints 3 3"]
@@ -73,10 +74,9 @@ def read(path: str | Path) -> list[SkeletonTake]:
         ReadingWarning: Frames are filled in.
     """
     content = tensor_pickles.load(path)
-    try:
+    kinds = ValueError, TypeError, KeyError, IndexError, AttributeError
+    with blamed_on(path, *kinds, problem="no results of SMPL that are known ({error})"):
         tracks = [_track(person, Path(path)) for person in _persons(content)]
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
-        raise FileFormatError(path, f"no results of SMPL that are known ({error})") from error
     if not tracks:
         keys = ", ".join(map(str, list(content)[:8])) if isinstance(content, Mapping) else ""
         raise FileFormatError(
@@ -97,15 +97,16 @@ def _persons(content: Any) -> Iterator[Mapping[str, Any]]:
         case {"smpl_params_global": dict(world)}:
             yield {**world, "world": True}
         case {"sequence_results": persons, "results": frames}:
-            one = _plain(persons)
-            yield from _persons(one or _plain(frames))
+            yield from _persons(_plain(persons) or _plain(frames))
         case {"results": frame} if len(content) == 1:
             yield from _persons({"frame": _plain(frame)})
         case dict() if any(keys <= content.keys() for keys in _PERSON):
             yield content
         case dict():
             values = [_plain(value) for value in content.values()]
-            if any(isinstance(value, Mapping) and _frame_of_many(value) for value in values):
+            inside = [value.keys() for value in values if isinstance(value, Mapping)]
+            romp = any("smpl_thetas" in keys and "frame_id" not in keys for keys in inside)
+            if romp or any({"tid", "smpl"} <= keys for keys in inside):  # frames of many persons
                 yield from _by_frame(values)
             else:
                 for value in values:
@@ -127,12 +128,6 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.ndarray) and not value.shape else value
 
 
-def _frame_of_many(value: Mapping[str, Any]) -> bool:
-    """Returns whether this is a frame with a list of persons."""
-    of_romp = "smpl_thetas" in value and "frame_id" not in value
-    return of_romp or {"tid", "smpl"} <= value.keys()
-
-
 def _by_frame(frames: Sequence[Any]) -> Iterator[Mapping[str, Any]]:
     """Yields persons of 4D-Humans, by their numbers, or the first of ROMP in each frame."""
     persons: dict[int, dict[str, list[Any]]] = {}
@@ -145,9 +140,9 @@ def _by_frame(frames: Sequence[Any]) -> Iterator[Mapping[str, Any]]:
         else:
             ids, smpl = frame["tid"], frame["smpl"]
             pairs = [
-                (n, one) for n, one in zip(ids, smpl, strict=False) if isinstance(one, Mapping)
+                (n, pose) for n, pose in zip(ids, smpl, strict=False) if isinstance(pose, Mapping)
             ]
-            numbers, poses = [int(n) for n, _ in pairs], [one for _, one in pairs]
+            numbers, poses = [int(n) for n, _ in pairs], [pose for _, pose in pairs]
         for person, values in zip(numbers, poses, strict=True):
             rows = persons.setdefault(person, {"frame_id": []})
             rows["frame_id"].append(number)
@@ -157,7 +152,7 @@ def _by_frame(frames: Sequence[Any]) -> Iterator[Mapping[str, Any]]:
     yield from persons.values()
 
 
-def _track(person: Mapping[str, Any], path: Path) -> Track:
+def _track(person: Mapping[str, Any], path: Path) -> PersonTrack:
     """Returns a person's poses."""
 
     def value(*keys: str) -> Any:
@@ -180,7 +175,7 @@ def _track(person: Mapping[str, Any], path: Path) -> Track:
     if "pred_rotmat" in person:
         rotations, trans = _in_world(rotations, person["pred_trans"], frames, path)
     frames, order = np.unique(frames, return_index=True)
-    return Track(rotations[order], None if trans is None else trans[order], frames)
+    return PersonTrack(rotations[order], None if trans is None else trans[order], frames)
 
 
 def _matrices(value: Any) -> Float[np.ndarray, "frames joints 3 3"]:
@@ -225,13 +220,13 @@ def _in_world(
         return rotations, None
     camera = _plain(tensor_pickles.load(file))
     turn = np.asarray(camera["world_cam_R"], np.float64)[frames]
-    place = np.asarray(camera["world_cam_T"], np.float64)[frames]
+    shift = np.asarray(camera["world_cam_T"], np.float64)[frames]
     trans = np.asarray(trans, np.float64).reshape(-1, 3)
     rotations[:, 0] = turn @ rotations[:, 0]
-    return rotations, np.einsum("tab,tb->ta", turn, trans + PELVIS) + place - PELVIS
+    return rotations, np.einsum("tab,tb->ta", turn, trans + PELVIS) + shift - PELVIS
 
 
-def _take(path: str | Path, track: Track) -> SkeletonTake:
+def _take(path: str | Path, track: PersonTrack) -> SkeletonTake:
     """Returns a take, frames filled in where the person was not seen."""
     rotations, trans, frames = track.rotations, track.trans, track.frames
     whole = np.arange(frames[0], frames[-1] + 1)

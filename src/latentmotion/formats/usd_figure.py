@@ -17,7 +17,13 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, LatentMotionError, MissingExtraError
-from latentmotion.formats.bones import WorldPose, even_rate, plain_animation, plain_skeleton
+from latentmotion.formats.bones import (
+    WorldPose,
+    even_rate,
+    placed,
+    plain_animation,
+    plain_skeleton,
+)
 from latentmotion.formats.checks import check_filled, checked_animation
 from latentmotion.formats.usd_reader import REFUSED, UNWRITTEN
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix
@@ -158,12 +164,8 @@ class _Figure:
         base = self.above[:3, :3]
         world = {-1: (self.above[:3, 3], _rotation(base), base)}
         for joint, parent in enumerate(self.parents):
-            position, rotation, linear = world[parent]
-            world[joint] = (
-                position + np.einsum("...ab,...b->...a", linear, translations[:, joint]),
-                rotation @ rotations[:, joint],
-                linear @ (rotations[:, joint] * scales[:, joint, None, :]),
-            )
+            local = translations[:, joint], rotations[:, joint], scales[:, joint]
+            world[joint] = placed(world[parent], *local)
         joints = [world[joint] for joint in range(len(self.joints))]
         return WorldPose(*(np.stack([joint[n] for joint in joints], axis=1) for n in (0, 1)))
 

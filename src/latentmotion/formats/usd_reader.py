@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import subprocess
 import tempfile
-from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -36,44 +35,26 @@ why."""
 
 
 def read_takes(path: str | Path) -> list[SkeletonTake]:
-    """Reads all animations, with the captions of files that `usd.write` wrote.
+    """Reads all animations that move the skeleton with the most joints; its rest if there is none.
+
+    Files that `usd.write` wrote have captions.
 
     Raises:
         FileFormatError: The file is damaged, or has no skeleton.
     """
-    arrays = _arrays(Path(path))
-    takes = []
-    for number, animation in enumerate(_animations(Path(path), arrays)):
+    arrays, takes = _arrays(Path(path)), []
+    names, parents = tuple(map(str, arrays["names"])), tuple(arrays["parents"].tolist())
+    skeleton = Skeleton(Path(path).stem, names, parents, arrays["offsets"])
+    for number in range(int(arrays["takes"])):
+        root, fps = arrays[f"root_{number}"], float(arrays[f"fps_{number}"])
+        moves = arrays.get(f"translations_{number}")
+        animation = Animation(skeleton, arrays[f"rotations_{number}"], root, fps, moves)
         try:
             notes = parse_json(str(arrays[f"notes_{number}"]), path)
         except LatentMotionError:  # another program's
             notes = {}
         takes.append(SkeletonTake(animation, notes if isinstance(notes, dict) else {}))
     return takes
-
-
-def read_animations(path: str | Path) -> list[Animation]:
-    """Reads all animations that move the skeleton with the most joints; its rest if there is none.
-
-    Raises:
-        FileFormatError: The file is damaged, or has no skeleton.
-    """
-    return _animations(Path(path), _arrays(Path(path)))
-
-
-def _animations(path: Path, arrays: Mapping[str, np.ndarray]) -> list[Animation]:
-    names = tuple(map(str, arrays["names"]))
-    skeleton = Skeleton(path.stem, names, tuple(arrays["parents"].tolist()), arrays["offsets"])
-    return [
-        Animation(
-            skeleton,
-            arrays[f"rotations_{number}"],
-            arrays[f"root_{number}"],
-            float(arrays[f"fps_{number}"]),
-            arrays.get(f"translations_{number}"),
-        )
-        for number in range(int(arrays["takes"]))
-    ]
 
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:

@@ -29,7 +29,7 @@ from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder, 
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import MAX_BATCH_SIZE, MotionPipeline
 from latentmotion.plugins import plugin_names
-from latentmotion.storage.parts import part_named
+from latentmotion.storage.configuration import part_named
 from latentmotion.text.encoder import load_text_encoder
 from latentmotion.text.lengths import LengthFile
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from latentmotion.model.card import RIGHTS_IN_MOTIONS, ModelCard
-from latentmotion.storage.hub import PIPELINE, front_matter, license_fields
+from latentmotion.storage.provenance import PIPELINE, front_matter, license_fields
 
 _INPUTS = {
     "text": "an English sentence",

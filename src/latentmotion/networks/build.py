@@ -29,7 +29,7 @@ from latentmotion.networks.vae.baselines import IdentityVAE, VPoserT
 from latentmotion.networks.vae.convolutional import ConvolutionalVAE
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.networks.vae.transformer import TransformerVAE
-from latentmotion.storage.parts import part_named
+from latentmotion.storage.configuration import part_named
 
 
 @overload

@@ -73,14 +73,14 @@ class Tools:
         Meters, y up; the person starts above the origin facing +z, and +x is on the left. The
         resource latentmotion://scene.schema.json describes all keys.
         """
-        given = self._scene(scene)
-        seed = given.seed or 0
-        if given.timeline:
-            spans, parts = given.timeline, given.timeline_parts
+        read = self._scene(scene)
+        seed = read.seed or 0
+        if read.timeline:
+            spans, parts = read.timeline, read.timeline_parts
             motion = generate_timeline(self.pipeline, spans, seed, parts=parts).cleaned()
         else:
-            goals = given.all_goals(self.folder)
-            motion = self.pipeline(given.prompt, given.seconds, seed, goals=goals)
+            goals = read.all_goals(self.folder)
+            motion = self.pipeline(read.prompt, read.seconds, seed, goals=goals)
         return self._written(file, motion)
 
     def describe(self, file: File) -> list[Any]:
@@ -199,7 +199,7 @@ def server(pipeline: MotionPipeline, folder: Path) -> MCPServer:
         folder: The only folder whose files are read and written.
     """
     tools = Tools(pipeline, folder)
-    made = MCPServer(
+    tool_server = MCPServer(
         "latentmotion",
         version=__version__,
         instructions="Text to 3D human motion. Look at the strip that a tool returns before you "
@@ -208,8 +208,10 @@ def server(pipeline: MotionPipeline, folder: Path) -> MCPServer:
     )
     for name in ("generate", "direct", "describe", "search", "retarget", "render"):
         # Only a search is structured: pictures are not JSON.
-        made.add_tool(_told(getattr(tools, name)), name=name, structured_output=name == "search")
-    made.resource(
+        tool_server.add_tool(
+            _told(getattr(tools, name)), name=name, structured_output=name == "search"
+        )
+    tool_server.resource(
         "latentmotion://scene.schema.json", name="scene", mime_type="application/schema+json"
     )(lambda: SCHEMA_FILE.read_text(encoding="utf-8"))
-    return made
+    return tool_server

@@ -98,7 +98,7 @@ def _matrix(quaternion: Sequence[float]) -> Float[np.ndarray, "3 3"]:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class TargetFigure:
     """What a request is answered on: a skeleton, its joints by our names, and its size."""
 
     file: RequestedRig
@@ -109,7 +109,7 @@ class Stage:
     """To retarget to; None for our own skeleton."""
 
     @classmethod
-    def of(cls, skeleton: schemas.Skeleton) -> Stage:
+    def of(cls, skeleton: schemas.Skeleton) -> TargetFigure:
         """Finds the joints of a request's skeleton.
 
         Raises:
@@ -141,10 +141,10 @@ class Stage:
             else:
                 animation = self.rig.in_file(retarget(motion, self.rig))
             turned, moved = self.file.local(animation)
-            kept = np.minimum(np.arange(frames), len(motion) - 1)
-            rotations.append(turned[kept])
-            places.append(moved[kept])
-            contacts.append(foot_contacts(motion.joints, fps, motion.skeleton)[kept])
+            shown = np.minimum(np.arange(frames), len(motion) - 1)
+            rotations.append(turned[shown])
+            places.append(moved[shown])
+            contacts.append(foot_contacts(motion.joints, fps, motion.skeleton)[shown])
         feet = [*HUMANML3D.left_foot, *HUMANML3D.right_foot]
         names = {HUMANML3D.names[joint]: column for column, joint in enumerate(feet)}
         stands = {
@@ -219,7 +219,7 @@ class LatentMotionBackbone(Backbone):
         try:
             with warnings.catch_warnings(record=True) as doubts:
                 warnings.simplefilter("always")
-                stage = Stage.of(request.skeleton)
+                stage = TargetFigure.of(request.skeleton)
                 options = request.options or _OPTIONS
                 first = 0 if options.seed is None else options.seed
                 fps = request.fps(self.pipeline.representation.fps)
@@ -232,7 +232,9 @@ class LatentMotionBackbone(Backbone):
         result.notes = [{"code": "doubt", "severity": "info", "message": t} for t in texts]
         return result
 
-    def _motion(self, request: GenerateRequest, stage: Stage, seed: int, fps: float) -> Motion:
+    def _motion(
+        self, request: GenerateRequest, stage: TargetFigure, seed: int, fps: float
+    ) -> Motion:
         options = request.options or _OPTIONS
         guidance = (
             options.guidance.weight[0] if options.guidance and options.guidance.weight else None
@@ -246,7 +248,7 @@ class LatentMotionBackbone(Backbone):
         goals = self._goals(request, stage, seed, fps)
         if len(prompts) > 1 and not goals:
             lengths = [segment.duration_frames / fps for segment in request.segments]
-            spans = [Span(*one) for one in zip(prompts, lengths, strict=True)]
+            spans = [Span(*span) for span in zip(prompts, lengths, strict=True)]
             motion = generate_timeline(self.pipeline, spans, seed, guidance=guidance)
             return motion.cleaned(steps) if steps else motion
         if any(segment.type == "pose" for segment in request.segments):
@@ -257,7 +259,9 @@ class LatentMotionBackbone(Backbone):
             prompt, seconds, seed, guidance=guidance, goals=goals, takes=takes, clean_up=steps
         )
 
-    def _goals(self, request: GenerateRequest, stage: Stage, seed: int, fps: float) -> list[Goal]:
+    def _goals(
+        self, request: GenerateRequest, stage: TargetFigure, seed: int, fps: float
+    ) -> list[Goal]:
         """Returns constraints as goals, in the size of our own body."""
         goals: list[Goal] = []
         for constraint in request.constraints:
@@ -280,7 +284,7 @@ class LatentMotionBackbone(Backbone):
         self,
         key: schemas.PoseKeyframeConstraint,
         request: GenerateRequest,
-        stage: Stage,
+        stage: TargetFigure,
         seed: int,
         fps: float,
     ) -> list[Reach]:
@@ -288,7 +292,7 @@ class LatentMotionBackbone(Backbone):
         file = stage.file
         names, parents = file.skeleton.names, file.skeleton.parents
         world, place = file.rest.copy(), np.zeros((len(names), 3))
-        told = np.ones(len(names), bool)
+        determined = np.ones(len(names), bool)
         for joint, (name, parent) in enumerate(zip(names, parents, strict=True)):
             above = np.eye(3) if parent < 0 else world[parent]
             rest = file.rest[joint] if parent < 0 else file.rest[parent].T @ file.rest[joint]
@@ -298,19 +302,19 @@ class LatentMotionBackbone(Backbone):
                 step = file.rest[parent].T @ file.skeleton.offsets[joint]
                 place[joint] = place[parent] + above @ step
                 fills = key.fill_mode == "rest" or names[parent] in key.joint_rotations
-                told[joint] = told[parent] and fills
+                determined[joint] = determined[parent] and fills
         if key.root_position is not None:
             place += np.asarray(key.root_position, float)
         else:  # where the motion would be without the pose, its lowest joint on the floor
-            kept = [one for one in request.constraints if one.type != "pose_keyframe"]
-            free = request.model_copy(update={"constraints": kept})
+            others = [item for item in request.constraints if item.type != "pose_keyframe"]
+            free = request.model_copy(update={"constraints": others})
             motion = self._motion(free, stage, seed, fps).resampled(fps)
             pelvis = stage.scale * motion.joints[min(key.frame, len(motion) - 1), 0]
             place += pelvis * (1, 0, 1) - place[:, 1].min() * np.array([0, 1, 0])
         return [
             Reach(ours, key.frame / fps, tuple((place[joint] / stage.scale).tolist()))
             for ours, joint in stage.body.joints.items()
-            if told[joint] and ours in HUMANML3D.names
+            if determined[joint] and ours in HUMANML3D.names
         ]
 
 

@@ -9,10 +9,13 @@ app = create_app(Settings(queue=128))
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request
@@ -25,17 +28,14 @@ from latentmotion import __version__
 from latentmotion.errors import LatentMotionError
 from latentmotion.formats.content import MEDIA_TYPES
 from latentmotion.motion import Motion
-from latentmotion.service import metrics, page, problems, streams, uploads
+from latentmotion.service import metrics, problems, streams, uploads
 from latentmotion.service.guard import OPEN, UPLOADS, Guard
 from latentmotion.service.jobs import Jobs
 from latentmotion.service.jobs import routes as job_routes
-from latentmotion.service.schemas import (
-    BatchRequest,
-    ModelAnswer,
-    MotionRequest,
-)
+from latentmotion.service.schemas import BatchRequest, ModelAnswer, MotionRequest
 from latentmotion.service.settings import Settings
 from latentmotion.service.state import DRAINING, ClientGoneError, Service, about, unless_gone
+from latentmotion.viewer import page as viewer
 
 _PROBLEMS: dict[int | str, dict[str, Any]] = {
     status: {"description": about, "content": {problems.MEDIA_TYPE: {}}}
@@ -57,6 +57,27 @@ _MOTIONS: dict[int | str, dict[str, Any]] = {
         "content": {kind.partition(";")[0]: {} for kind in MEDIA_TYPES.values()},
     }
 }
+
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'self'"
+)
+"""Content security policy of the page: files of this service alone."""
+
+
+ASSETS: Mapping[str, str] = MappingProxyType(
+    {
+        ".css": "text/css",
+        ".html": "text/html",
+        ".js": "text/javascript",
+        ".svg": "image/svg+xml",
+        ".woff2": "font/woff2",
+        ".txt": "text/plain",
+    }
+)
+"""Kinds of files that pages may name, by their endings."""
 
 
 @dataclass(frozen=True)
@@ -102,17 +123,12 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
     for routes in (_health, _motions, uploads.routes, streams.routes):
         app.include_router(routes(service))
     app.include_router(job_routes(service, jobs))
-    app.include_router(page.routes())
+    app.include_router(_pages())
     open_paths, uploaded = OPEN, UPLOADS
     if extension is not None:
         app.include_router(extension.routes(service))
         open_paths, uploaded = OPEN | extension.open_paths, UPLOADS | extension.uploads
-    app.add_middleware(
-        Guard,
-        service=service,
-        open_paths=open_paths,
-        uploads=uploaded,
-    )
+    app.add_middleware(Guard, service=service, open_paths=open_paths, uploads=uploaded)
     if service.settings.origins:
         app.add_middleware(
             CORSMiddleware,
@@ -121,6 +137,7 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
             allow_headers=("Authorization", "Content-Type"),
             expose_headers=[*(f"LatentMotion-{name}" for name in _HEADERS), *_MORE_HEADERS],
         )
+    # Starlette puts the layer that is added last outermost.
     for middleware in reversed(service.settings.middleware):
         app.add_middleware(middleware)
     return app
@@ -174,21 +191,21 @@ def _motions(service: Service) -> APIRouter:
         """Generate a motion."""
         service.check_ready()
 
-        async def made() -> Response:
+        async def generated() -> Response:
             until = service.deadline()
             with service.place(body.format, body.clean, body.fps):
                 raw, dirty = await service.motion(body, until)
                 file = service.file([raw], body.format, dirty, body.fps, until)
                 return _response([raw.motion], *await file)
 
-        return await unless_gone(request, made())
+        return await unless_gone(request, generated())
 
     @router.post("/batches", responses=_MOTIONS, response_class=Response)
     async def batches(request: Request, body: BatchRequest) -> Response:
         """Generate several motions at once, as one file or a zip archive of several."""
         service.check_ready()
 
-        async def made() -> Response:
+        async def generated() -> Response:
             until, settings = service.deadline(), body.settings(body.seconds is None)
             with service.place(body.format, body.clean, body.fps):
                 seconds = service.settings.deadline
@@ -197,7 +214,7 @@ def _motions(service: Service) -> APIRouter:
                 file = service.file(raw, body.format, body.clean, body.fps, until)
                 return _response([item.motion for item in raw], *await file)
 
-        return await unless_gone(request, made())
+        return await unless_gone(request, generated())
 
     @router.get("/models", responses={200: {"model": list[ModelAnswer]}})
     async def models() -> list[ModelAnswer]:
@@ -205,6 +222,55 @@ def _motions(service: Service) -> APIRouter:
         return [about(service.pipeline)]
 
     return router
+
+
+def page_routes(
+    pages: Mapping[str, bytes], files: Mapping[str, bytes], folder: str, policy: str, **asset: str
+) -> APIRouter:
+    """Returns routes of pages and of the files that they name, with nothing from other hosts.
+
+    Args:
+        pages: HTML by path.
+        files: Content by name.
+        folder: Path of the files.
+        policy: Content security policy of the pages.
+        asset: Headers of the files.
+    """
+    router = APIRouter(include_in_schema=False)
+
+    async def page(request: Request) -> Response:
+        """Send a page."""
+        headers = {"Content-Security-Policy": policy}
+        return Response(pages[request.url.path], headers=headers, media_type="text/html")
+
+    for path in pages:
+        router.add_api_route(path, page)
+
+    @router.get(folder + "/{name}")
+    async def file(name: str) -> Response:
+        """Send a file of a page."""
+        if name not in files:
+            raise problems.Problem(404, f"there is no file {name[:100]!r}")
+        headers = {"Cache-Control": "no-cache", **asset}
+        return Response(files[name], headers=headers, media_type=ASSETS[Path(name).suffix])
+
+    return router
+
+
+def _pages() -> APIRouter:
+    """Returns `/` (a prompt and the viewer) and `/docs`, without anything inline."""
+    frame, style = viewer.split_page("/assets/viewer.css", "/assets/show.js")
+    files = asset_files("latentmotion.service")
+    files |= {"viewer.css": style.encode(), "viewer.js": viewer.script().encode()}
+    pages = {"/": files.pop("page.html"), "/docs": files.pop("docs.html")}
+    return page_routes({**pages, "/viewer": frame.encode()}, files, "/assets", POLICY)
+
+
+def asset_files(package: str) -> dict[str, bytes]:
+    """Returns the files in a package's folder `assets` that pages may name."""
+    assets = resources.files(package).joinpath("assets").iterdir()
+    files = [file for file in assets if file.is_file() and Path(file.name).suffix in ASSETS]
+    return {file.name: file.read_bytes() for file in files}
 
 
 _HEADERS = ("Model", "License", "Rights", "Seed", "Frames", "Fps")

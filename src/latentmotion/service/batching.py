@@ -1,8 +1,9 @@
 """Batching: waiting requests are generated in groups by worker threads; the queue is bounded.
 
 A thread takes the oldest request and those of the same key behind it, as many as a batch may hold;
-it never waits for more. Clients take turns. Requests whose client has gone or whose time is over
-are dropped before.
+it never waits for more. Clients take turns, so that none can block the others: a client is a token,
+where the service has several; without, all requests are one client's. Requests whose client has
+gone or whose time is over are dropped before.
 """
 
 from __future__ import annotations
@@ -12,15 +13,15 @@ import os
 import sys
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from contextlib import suppress
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from threading import Condition, Thread, get_native_id
-from typing import Any
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
-from latentmotion.service.turns import CLIENT, Turns, room
 
 Run = Callable[[Hashable, Sequence[Any]], Sequence[Any]]
 """Key and payloads of a batch to a result, or an exception, for each."""
@@ -30,6 +31,61 @@ NICE = 5 + (os.getpriority(os.PRIO_PROCESS, 0) if sys.platform != "win32" else 0
 
 Only root may set a niceness below the one that a service was started with.
 """
+
+
+CLIENT: ContextVar[str] = ContextVar("client", default="")
+"""Client whose request is being handled; empty where clients are not told apart."""
+
+
+@runtime_checkable
+class Waiting(Protocol):
+    """An item of a queue."""
+
+    @property
+    def client(self) -> str:
+        """The client that it belongs to."""
+        ...
+
+
+W = TypeVar("W", bound=Waiting)
+
+
+class Turns:
+    """Clients take turns: first comes who was served the longest time ago."""
+
+    def __init__(self) -> None:
+        self._turn = 0
+        self._served: dict[str, int] = {}
+
+    def order(self, waiting: Iterable[W]) -> list[W]:
+        """Returns what waits in the order of turns; each client's own stays in order."""
+        before, ranked = Counter[str](), []
+        for number, task in enumerate(waiting):
+            rank = before[task.client], self._served.get(task.client, 0), number
+            ranked.append((rank, task))
+            before[task.client] += 1
+        return [task for _, task in sorted(ranked, key=lambda pair: pair[0])]
+
+    def served(self, tasks: Iterable[Waiting]) -> None:
+        """Notes that tasks have had their turn."""
+        for task in tasks:
+            self._turn += 1
+            self._served[task.client] = self._turn
+
+
+def room(waiting: Counter[str], most: int, client: str) -> int:
+    """Returns how many more items a client may queue.
+
+    No client may have more than what is then left for the others (Choudhury and Hahne, Dynamic
+    queue length thresholds, 1998), so that there is always some room for one that has nothing.
+
+    Args:
+        waiting: Number of waiting items by client.
+        most: Most items that may wait.
+        client: The client.
+    """
+    free = most - waiting.total()
+    return (free - waiting[client] + 1) // 2 if client else free
 
 
 @dataclass(eq=False)

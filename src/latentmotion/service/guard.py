@@ -15,10 +15,10 @@ from urllib.parse import urlsplit
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from latentmotion.service.connections import CONNECTIONS, CONNECTIONS_OF_ADDRESS, HEALTH
+from latentmotion.service.batching import CLIENT
 from latentmotion.service.problems import Problem, problem_response, refuse_stream
+from latentmotion.service.settings import CONNECTIONS, CONNECTIONS_OF_ADDRESS
 from latentmotion.service.state import Service
-from latentmotion.service.turns import CLIENT
 
 OPEN = frozenset(
     {"/", "/docs", "/viewer", "/livez", "/readyz", "/openapi.json"}
@@ -32,6 +32,9 @@ UPLOADS = frozenset({"/v1/clean", "/v1/convert", "/v1/retarget"})
 
 QUEUED = frozenset({"/v1/motions", "/v1/batches"})
 """Paths that are refused before the body is read while the queue is full."""
+
+HEALTH = frozenset({"/livez", "/readyz"})
+"""Paths of health checks."""
 
 LARGEST_BODY = 1 << 18
 """Largest request body that is no file, bytes."""
@@ -77,7 +80,13 @@ class Guard:
             await self.app(scope, receive, send)
             return
         if scope["type"] == "websocket":
-            await self._websocket(scope, receive, send)
+            try:
+                self._check(scope)
+            except Problem as problem:
+                await receive()
+                await refuse_stream(problem, scope, receive, send)
+            else:
+                await self.app(scope, receive, send)
             return
         # 499 is nginx' status for a client that left before an answer began.
         began, status = time.monotonic(), 499
@@ -97,7 +106,11 @@ class Guard:
         self._under_way[address] += 1
         try:
             self._check(scope)
-            self._check_room(scope["path"], address)
+            here, everywhere = self._under_way[address], self._under_way.total()
+            crowded = here > CONNECTIONS_OF_ADDRESS or everywhere > CONNECTIONS
+            if crowded and scope["path"] not in HEALTH:
+                detail = f"{here} requests of {address} are under way; try again later"
+                raise Problem(503, detail, 1.0)
             receive = self._bounded(scope, receive)
             # Before the body is read, so that a refused request costs next to nothing.
             if scope["path"] in QUEUED and scope["method"] == "POST":
@@ -118,15 +131,6 @@ class Guard:
         route = getattr(scope.get("route"), "path", counted_as)
         self.metrics.requests.labels(route, status).inc()
         self.metrics.request_seconds.labels(route).observe(time.monotonic() - began)
-
-    async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
-        try:
-            self._check(scope)
-        except Problem as problem:
-            await receive()
-            await refuse_stream(problem, scope, receive, send)
-            return
-        await self.app(scope, receive, send)
 
     def _check(self, scope: Scope) -> None:
         """Checks host, origin and token.
@@ -158,19 +162,6 @@ class Guard:
         if len(settings.tokens) > 1:
             # A hash, since the name of the client is written to the disk beside its jobs.
             CLIENT.set(hashlib.sha256(token.strip().encode()).hexdigest())
-
-    def _check_room(self, path: str, address: str) -> None:
-        """Checks that not too many requests are under way; health checks are always answered.
-
-        Raises:
-            Problem: 503.
-        """
-        of_address, all_requests = self._under_way[address], self._under_way.total()
-        if path in HEALTH or (of_address <= CONNECTIONS_OF_ADDRESS and all_requests <= CONNECTIONS):
-            return
-        raise Problem(
-            503, f"{of_address} requests of {address} are under way; try again later", 1.0
-        )
 
     def _bounded(self, scope: Scope, receive: Receive) -> Receive:
         """Returns `receive`, which ends bodies that are too large or too slow.

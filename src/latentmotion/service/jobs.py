@@ -36,10 +36,11 @@ from pydantic import ValidationError
 
 from latentmotion.errors import LatentMotionError
 from latentmotion.formats.content import MEDIA_TYPES
+from latentmotion.service.batching import CLIENT, Turns, room
+from latentmotion.service.model import check
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import BatchRequest, JobState
 from latentmotion.service.state import Service
-from latentmotion.service.turns import CLIENT, Turns, room
 from latentmotion.storage.files import atomic_file, is_disk_full
 
 MOST = 1000
@@ -265,7 +266,7 @@ def routes(service: Service, jobs: Jobs) -> APIRouter:
         """Have several motions made in the background."""
         service.check_ready()
         settings = body.settings(body.seconds is None)
-        await run_in_threadpool(service.check, settings, body.all_prompts())
+        await run_in_threadpool(check, service.pipeline, settings, body.all_prompts())
         job = await run_in_threadpool(jobs.add, body)
         jobs.wake()
         return JSONResponse(job.model_dump(), 202, {"Location": f"/v1/jobs/{job.id}"})

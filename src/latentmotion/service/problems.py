@@ -126,8 +126,8 @@ async def on_failure(request: Request, error: Exception) -> Response:
 def _unknown(request: Request, field: str) -> str:
     """Returns what is said of a field that there is none of."""
     schemas = request.app.openapi()["components"]["schemas"].values()
-    known = {name for schema in schemas for name in schema.get("properties", ())}
-    near = get_close_matches(field, known, n=1)
+    fields = {name for schema in schemas for name in schema.get("properties", ())}
+    near = get_close_matches(field, fields, n=1)
     return f"unknown field; did you mean {near[0]!r}?" if near else "unknown field; see /docs"
 
 

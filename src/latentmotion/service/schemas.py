@@ -29,20 +29,15 @@ MOST_STEPS = 1000
 """Most sampling steps: those of the noise schedule."""
 
 # fmt: off
-Format = Literal[
-    "json", "raw", "npz", "amass.npz", "csv", "bvh", "glb", "vrma", "fbx", "usda", "usdc", "usdz",
-    "html", "png", "gif", "mp4", "viewer",
-]
-# fmt: on
-"""`raw` is float32, little-endian: frames × joints × 3; `viewer` is what the page reads."""
-
-# fmt: off
 FileFormat = Literal[
     "json", "npz", "amass.npz", "csv", "bvh", "glb", "vrma", "fbx", "usda", "usdc", "usdz",
     "html", "png", "gif", "mp4",
 ]
 # fmt: on
 """Formats in which motions can be written."""
+
+Format = Literal[FileFormat, "raw", "viewer"]
+"""`raw` is float32, little-endian: frames × joints × 3; `viewer` is what the page reads."""
 
 Readable = Literal["npz", "npy", "csv", "bvh", "glb", "gltf", "usda", "usdc", "usdz"]
 """Formats of uploaded motions."""

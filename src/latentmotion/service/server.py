@@ -1,4 +1,7 @@
-"""The server: uvicorn on one address, with a shutdown that loses nothing."""
+"""The server: uvicorn on one address, with a shutdown that loses nothing.
+
+Heads of requests must arrive in time, and idle connections make room for new ones.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +13,25 @@ import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from types import FrameType
+from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from latentmotion.cleanup.pipeline import CleanUpWarning
 from latentmotion.errors import InputError
 from latentmotion.retrieval.doubts import DoubtWarning
-from latentmotion.service.connections import CONNECTIONS, Connection
+from latentmotion.service.settings import CONNECTIONS, CONNECTIONS_OF_ADDRESS
 from latentmotion.storage.children import limit
 from latentmotion.text.encoder import UnknownWordsWarning
+
+HEAD_SECONDS = 10.0
+"""Time from the opening of a connection, or the first byte of a further request, to the end of the
+request's head."""
+
+SPARE = 24
+"""Connections beyond these limits, on which health checks are still answered."""
 
 KEEP_ALIVE = 75
 """Seconds that an idle connection stays open: longer than a balancer's, which closes it first."""
@@ -35,6 +47,73 @@ PASSES = 100
 
 QUIET = 0.5
 """Seconds without a request after which the connections that are still open are closed."""
+
+
+class Connection(HttpToolsProtocol):
+    """A connection of HTTP; of too many, the one that has been silent longest is closed."""
+
+    _head: asyncio.TimerHandle | None = None
+    _is_stream = False
+
+    def connection_made(self, transport: Any) -> None:
+        """Expects a request."""
+        super().connection_made(transport)
+        self.silent_since = self.loop.time()
+        self._expect_head()
+        self._make_room()
+
+    def data_received(self, data: bytes) -> None:
+        """Reads a request, or a part of one."""
+        super().data_received(data)
+        if self._is_stream or not self.is_idle:
+            self._stop_waiting()
+        elif self._head is None and not self.transport.is_closing():
+            self._expect_head()
+
+    def handle_websocket_upgrade(self) -> None:
+        """Hands the connection on to a stream."""
+        super().handle_websocket_upgrade()
+        self._is_stream = True
+
+    def on_response_complete(self) -> None:
+        """Waits for another request."""
+        self.silent_since = self.loop.time()
+        super().on_response_complete()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forgets the connection."""
+        self._stop_waiting()
+        super().connection_lost(exc)
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no request is under way."""
+        return self.cycle is None or self.cycle.response_complete
+
+    def _expect_head(self) -> None:
+        self._head = self.loop.call_later(HEAD_SECONDS, self.transport.close)
+
+    def _stop_waiting(self) -> None:
+        if self._head is not None:
+            self._head.cancel()
+            self._head = None
+
+    def _make_room(self) -> None:
+        """Closes a silent connection where this address, or all together, have too many."""
+        everyone: list[Any] = list(self.connections)
+        same_address = [
+            peer for peer in everyone if peer.client and peer.client[0] == (self.client or "?")[0]
+        ]
+        for crowd, most in ((same_address, CONNECTIONS_OF_ADDRESS), (everyone, CONNECTIONS)):
+            if len(crowd) > most + SPARE:
+                idle = [peer for peer in crowd if peer.is_idle and peer is not self]
+                last = min(
+                    idle,
+                    key=lambda peer: (peer.cycle is not None, peer.silent_since),
+                    default=self,
+                )
+                last.transport.abort()
+                return
 
 
 class Server(uvicorn.Server):
@@ -79,7 +158,11 @@ class Server(uvicorn.Server):
         with suppress(TimeoutError):
             async with asyncio.timeout_at(end):
                 await self._refuse_connections(sockets or [])
-                await self._answer_open_connections()
+                # Until no request is under way and none came for a while.
+                state, answered = self.server_state, -1
+                while not self.force_exit and (state.tasks or state.total_requests != answered):
+                    answered = state.total_requests
+                    await asyncio.sleep(QUIET)
         self.config.timeout_graceful_shutdown = max(0, math.ceil(end - loop.time()))
         await super().shutdown(sockets)
 
@@ -96,13 +179,6 @@ class Server(uvicorn.Server):
             server.close()
         for listener in sockets:
             listener.close()
-
-    async def _answer_open_connections(self) -> None:
-        """Waits until no request is under way and none came for a while."""
-        state, answered = self.server_state, -1
-        while not self.force_exit and (state.tasks or state.total_requests != answered):
-            answered = state.total_requests
-            await asyncio.sleep(QUIET)
 
 
 def bound(host: str, port: int) -> socket.socket:

@@ -21,42 +21,54 @@ LOOPBACK = ("localhost", "127.0.0.1", "::1")
 LEAST_TOKEN = 16
 """Characters of a token at least: fewer can be guessed."""
 
+CONNECTIONS = 1000
+"""Requests under way at the same time; beyond, they are answered by 503."""
+
+CONNECTIONS_OF_ADDRESS = CONNECTIONS // 2
+"""Most connections of one address, so that a single client cannot take all of them."""
+
 Middleware = Callable[[Any], Any]
 """Takes an ASGI application and returns one, as tracing does."""
 
 
-@dataclass(frozen=True)
-class Settings:
+@dataclass(frozen=True, kw_only=True)
+class ServiceOptions:
+    """Settings that the command line has as options of the same name."""
+
+    model: str = DEFAULT
+    """Name or folder of an exported model."""
+    threads: int = 1
+    """Threads that run the model, each a batch of its own."""
+    queue: int = 64
+    """Motions that wait at most; beyond, requests are refused (429)."""
+    deadline: float = 30.0
+    """Seconds that a request may take."""
+    file_workers: int = 2
+    """Processes that clean up motions and write files; as many again read uploads."""
+    upload: int = 64
+    """Megabytes of an uploaded file at most."""
+    streams: int = 32
+    """Streams that are open at the same time at most."""
+    jobs: Path | None = None
+    """Folder of jobs, kept when the service stops; replicas may share it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings(ServiceOptions):
     """Settings of the service.
 
     Raises:
         InputError: A number is out of range.
     """
 
-    model: str = DEFAULT
-    """Name or folder of an exported model."""
     moves: tuple[Path, ...] = ()
     """Folders of clips that motions may start from, besides those that ship."""
     runtime: Runtime = "auto"
     """Engine of the networks."""
-    threads: int = 1
-    """Threads that run the model, each a batch of its own."""
-    queue: int = 64
-    """Motions that wait at most; beyond, requests are answered by 429."""
     batch: int = 16
     """Motions that are generated together at most."""
-    deadline: float = 30.0
-    """Seconds that a request may take."""
-    file_workers: int = 2
-    """Processes that clean motions up and write files; as many again read uploads."""
     start_workers: bool = False
-    """Start these processes once the model is loaded, so that no first file waits for them."""
-    jobs: Path | None = None
-    """Folder of jobs, which replicas may share; by default a temporary one."""
-    streams: int = 32
-    """Streams that are open at the same time at most."""
-    upload: int = 64
-    """Megabytes of an uploaded file at most."""
+    """Start file workers once the model is loaded, so that no first file waits for them."""
     tokens: tuple[bytes, ...] = ()
     """SHA-256 of each accepted token; without any, no token is needed."""
     hosts: tuple[str, ...] = LOOPBACK

@@ -58,6 +58,7 @@ class Service:
         self.slow = Batcher(partial(model.run, self.pipeline), settings.queue, 1, self.metrics)
         self.metrics.watch_queue(lambda: len(self.batcher) + len(self.slow))
         workers = settings.file_workers
+        # Our own motions get a second try; a file from outside that ends a process gets none.
         self.writers = FileWorkers(workers, settings.queue, self.metrics, tries=2)
         self.readers = FileWorkers(workers, 2 * workers, self.metrics)
         self.obstacle: str | None = STARTING
@@ -70,6 +71,7 @@ class Service:
         self.slow.start(1, 2 * NICE)
         first = model.first_prompt(self.pipeline)
         try:
+            # Ten minutes: nobody waits for it, and a cold disk may need some of them.
             await self.generated(model.BatchSettings(None, None, None, True), [first], 600.0)
         except Exception as error:
             self.obstacle = "the model could not be loaded; the log of the service says why"
@@ -114,14 +116,6 @@ class Service:
         if self.obstacle is not None:
             raise Problem(503, f"{self.obstacle}; try again", 2.0)
 
-    def check(self, settings: model.BatchSettings, prompts: Sequence[model.Prompt]) -> None:
-        """Checks prompts without running a network.
-
-        Raises:
-            InputError: One is not of the model's kind, or a number is out of range.
-        """
-        model.check(self.pipeline, settings, prompts)
-
     async def generated(
         self,
         settings: model.BatchSettings,
@@ -136,7 +130,7 @@ class Service:
             Problem: The queue is full, or the time is over.
         """
         # In a thread: 256 long prompts would hold up the event loop.
-        await asyncio.to_thread(self.check, settings, prompts)
+        await asyncio.to_thread(model.check, self.pipeline, settings, prompts)
         return await self.batcher.submit(settings, prompts, seconds, background)
 
     async def called(self, function: Callable[[], T], seconds: float | None) -> T:
@@ -194,7 +188,7 @@ class Service:
             spans = request.spans()
             make = partial(generate_timeline, pipeline, spans, request.seed, *sampled, parts)
         elif goals:
-            self.check(settings, request.prompts())
+            model.check(pipeline, settings, request.prompts())
             about = request.prompt, request.seconds, request.seed, *sampled, request.sampler
             # Joints are put at their goals after clean-up, which a worker could not do.
             steps = CleanUp() if request.clean else None
@@ -266,13 +260,13 @@ def _plain(form: str, clean: bool, fps: float | None) -> bool:
 @cache
 def lacks() -> dict[str, str]:
     """Returns the formats that cannot be written here, and what each needs."""
-    found = {}
+    lacking = {}
     for form in set(get_args(Format)) - {"json", "raw", "viewer"}:
         try:
             formats.check_ending(f"motion.{form}")
         except LatentMotionError as error:
-            found[form] = str(error)
-    return found
+            lacking[form] = str(error)
+    return lacking
 
 
 def about(pipeline: MotionPipeline) -> ModelAnswer:

@@ -21,7 +21,7 @@ from pydantic import ValidationError
 
 from latentmotion.control.stream import CALL, STRIDE, MotionStream, generate_stream
 from latentmotion.errors import InputError, LatentMotionError
-from latentmotion.service.model import BatchSettings, Prompt
+from latentmotion.service.model import BatchSettings, Prompt, check
 from latentmotion.service.problems import Problem, refuse_stream
 from latentmotion.service.schemas import StreamMessage
 from latentmotion.service.state import Service
@@ -94,7 +94,7 @@ class ClientStream:
         if message.prompt is not None:
             seconds = STRIDE * CALL / pipeline.representation.fps
             settings = BatchSettings(message.steps, message.guidance, None, False)
-            self._service.check(settings, [Prompt(message.prompt, seconds, message.seed)])
+            check(pipeline, settings, [Prompt(message.prompt, seconds, message.seed)])
         if self._motion is None:
             if message.prompt is None:
                 raise InputError("the first message needs a prompt")

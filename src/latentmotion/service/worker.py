@@ -28,7 +28,7 @@ from latentmotion.errors import LatentMotionError
 from latentmotion.formats.content import encoded, packed
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion, animations
-from latentmotion.retarget import Rig, read_rig, transfer
+from latentmotion.retarget import read_rig, transfer
 from latentmotion.retarget.rig import inspect_rig
 from latentmotion.storage.children import limit
 from latentmotion.storage.configuration import from_json
@@ -169,7 +169,11 @@ def retarget(task: dict[str, Any], content: bytes) -> Reply:
     output.parent.mkdir()
     motions = formats.load("motion.npz")
     if task.get("figure") and output.suffix not in (*rig.file.endings, ".bvh"):
-        figures = [_figure(rig, motion.resampled(task["fps"] or motion.fps)) for motion in motions]
+        figures = []
+        for motion in motions:
+            moved = transfer.retarget(motion.resampled(task["fps"] or motion.fps), rig)
+            joints, about = moved.joints().astype(np.float32), (motion.caption, motion.metadata)
+            figures.append(Motion(joints, moved.fps, moved.skeleton, *about))
         return _leave(*encoded(figures, task["format"]))
     transfer.check_output(rig, output)
     files = transfer.write(output, rig, motions, task["fps"])
@@ -192,13 +196,6 @@ def join(task: dict[str, Any], content: bytes) -> Reply:
     return {"format": form}, b""
 
 
-def _figure(rig: Rig, motion: Motion) -> Motion:
-    """Returns a motion on a character that has no mesh, as one of the character's skeleton."""
-    animation = transfer.retarget(motion, rig)
-    joints = animation.joints().astype(np.float32)
-    return Motion(joints, animation.fps, animation.skeleton, motion.caption, motion.metadata)
-
-
 def _leave(content: bytes, form: str) -> Reply:
     """Leaves an answer in the folder, so that it need not be in memory twice."""
     Path("answer").write_bytes(content)
@@ -206,11 +203,7 @@ def _leave(content: bytes, form: str) -> Reply:
 
 
 _VERBS: dict[str, Callable[[dict[str, Any], bytes], Reply]] = {
-    "write": write,
-    "convert": convert,
-    "retarget": retarget,
-    "rig": rig,
-    "join": join,
+    verb.__name__: verb for verb in (write, convert, retarget, rig, join)
 }
 
 if __name__ == "__main__":

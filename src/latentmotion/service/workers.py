@@ -19,10 +19,9 @@ import numpy as np
 from latentmotion.errors import DiskFullError, InputError
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.pipeline import RawMotion
-from latentmotion.service.batching import NICE
+from latentmotion.service.batching import CLIENT, NICE, Turns, room
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
-from latentmotion.service.turns import CLIENT, Turns, room
 from latentmotion.storage import children
 from latentmotion.storage.configuration import to_json
 
@@ -38,7 +37,7 @@ class WorkerError(Exception):
 
 
 @dataclass(eq=False)
-class _Job:
+class _FileTask:
     """A task that waits for a process or is worked on."""
 
     task: dict[str, Any]
@@ -70,7 +69,7 @@ class FileWorkers:
 
     def __init__(self, count: int, waiting: int, metrics: Metrics, tries: int = 1) -> None:
         self._idle: asyncio.Queue[Process | None] = asyncio.Queue()
-        self._waiting: deque[_Job] = deque()
+        self._waiting: deque[_FileTask] = deque()
         self._tasks, self._turns, self._places = Counter[str](), Turns(), 0
         self._count, self._most = count, count + waiting
         self._metrics, self._tries, self._stopped = metrics, tries, False
@@ -123,7 +122,7 @@ class FileWorkers:
             self._metrics.shed.labels("files full").inc()
             raise Problem(429, "too many files are being worked on; try again", 1.0)
         done: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
-        job = _Job(task, content, time.monotonic() + seconds, done)
+        job = _FileTask(task, content, time.monotonic() + seconds, done)
         self._tasks[job.client] += 1
         done.add_done_callback(partial(self._finished, job.client))
         self._add(job)
@@ -166,13 +165,13 @@ class FileWorkers:
         if not done.cancelled():
             done.exception()
 
-    def _add(self, job: _Job) -> None:
+    def _add(self, job: _FileTask) -> None:
         self._waiting.append(job)
         work = asyncio.ensure_future(self._run_waiting())
         self._work.add(work)
         work.add_done_callback(self._work.discard)
 
-    def _next_batch(self) -> list[_Job]:
+    def _next_batch(self) -> list[_FileTask]:
         """Takes the next task and those that may join it, so many that all processes get some."""
         waiting = self._turns.order(job for job in self._waiting if not job.done.done())
         most = min(_TOGETHER, -(-len(waiting) // self._count))
@@ -192,7 +191,9 @@ class FileWorkers:
         finally:
             self._idle.put_nowait(process)
 
-    async def _run_batch(self, process: Process | None, batch: Sequence[_Job]) -> Process | None:
+    async def _run_batch(
+        self, process: Process | None, batch: Sequence[_FileTask]
+    ) -> Process | None:
         """Runs tasks on a process, or on a new one; returns the process unless it has to end."""
         for job in batch:
             job.started = True
@@ -213,9 +214,12 @@ class FileWorkers:
         for job, answer in zip(batch, answers, strict=True):
             if not job.done.done():
                 job.done.set_result(answer)
-        return await self._retire(process, len(batch))
+        # Ended after a fixed number of tasks, so that leaks of libraries stay bounded.
+        self._done[process.pid] = self._done.get(process.pid, 0) + len(batch)
+        full = self._done[process.pid] >= _TASKS_OF_A_PROCESS
+        return await self._end(process) if full else process
 
-    def _retry(self, job: _Job, error: Exception) -> None:
+    def _retry(self, job: _FileTask, error: Exception) -> None:
         """Queues a task again after its process died, alone, up to a number of tries."""
         if job.done.done():
             return
@@ -228,13 +232,6 @@ class FileWorkers:
             job.done.set_exception(WorkerError(problem))
         else:
             self._add(job)
-
-    async def _retire(self, process: Process, tasks: int) -> Process | None:
-        """Ends a process after a fixed number of tasks, so that leaks of libraries stay bounded."""
-        self._done[process.pid] = self._done.get(process.pid, 0) + tasks
-        if self._done[process.pid] < _TASKS_OF_A_PROCESS:
-            return process
-        return await self._end(process)
 
     async def _start(self) -> Process:
         process = await asyncio.create_subprocess_exec(
@@ -275,9 +272,9 @@ def written(raw: Sequence[RawMotion], form: str, clean: bool, fps: float | None)
             "skeleton": _skeleton_json(motion.skeleton),
             "corrections": to_json(corrections),
         }
-        for motion, corrections in ((one.motion, one.corrections) for one in raw)
+        for motion, corrections in ((item.motion, item.corrections) for item in raw)
     ]
-    content = b"".join(one.motion.joints.astype("<f4", copy=False).tobytes() for one in raw)
+    content = b"".join(item.motion.joints.astype("<f4", copy=False).tobytes() for item in raw)
     return {"verb": "write", "motions": heads, "clean": clean, "fps": fps, "format": form}, content
 
 

@@ -10,46 +10,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.storage.files import atomic_file, check_writable, remove_left
 from latentmotion.storage.reading import read_bytes
 
 _PART = ".part"
-
-
-@runtime_checkable
-class Folder(Protocol):
-    """A folder of files that are written and read as a whole."""
-
-    def names(self) -> set[str]:
-        """Returns the names of its files.
-
-        Raises:
-            InputError: It cannot be read.
-        """
-        ...
-
-    def read(self, name: str) -> bytes:
-        """Returns the content of a file.
-
-        Raises:
-            LatentMotionError: It cannot be read.
-        """
-        ...
-
-    def write(self, name: str, content: bytes) -> None:
-        """Writes a file, or replaces it.
-
-        Raises:
-            InputError: It cannot be written.
-        """
-        ...
-
-    def tidy(self) -> None:
-        """Removes what killed writers left."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -63,7 +30,11 @@ class LocalFolder:
         return str(self.path)
 
     def names(self) -> set[str]:
-        """Returns the names of its files."""
+        """Returns the names of its files.
+
+        Raises:
+            InputError: It cannot be read.
+        """
         try:
             return {entry.name for entry in self.path.iterdir()}
         except OSError as error:
@@ -77,7 +48,11 @@ class LocalFolder:
         return read_bytes(self.path / name)
 
     def write(self, name: str, content: bytes) -> None:
-        """Writes a file, or replaces it."""
+        """Writes a file, or replaces it.
+
+        Raises:
+            InputError: It cannot be written.
+        """
         with atomic_file(self.path / name) as temporary:
             temporary.write_bytes(content)
 
@@ -103,6 +78,7 @@ class RemoteFolder:
     def names(self) -> set[str]:
         """Returns the names of its files."""
         with self._remote_errors():
+            # Other processes write here, too, and fsspec lists a folder once.
             self.system.invalidate_cache()
             return {entry.rsplit("/", 1)[-1] for entry in self.system.ls(self.path, detail=False)}
 
@@ -136,6 +112,10 @@ class RemoteFolder:
             yield
         except Exception as error:  # each file system has error classes of its own
             raise InputError(f"cannot use {self.url}: {error!s:.300}") from error
+
+
+Folder = LocalFolder | RemoteFolder
+"""A folder of files that are written and read as a whole."""
 
 
 def folder_at(address: str, create: bool = False) -> Folder:

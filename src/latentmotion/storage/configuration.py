@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from latentmotion.errors import FileFormatError, InputError, hint
+from latentmotion.plugins import Group, plugin, plugin_names
 from latentmotion.storage.files import atomic_file
 from latentmotion.storage.reading import read_json_file
 
@@ -100,6 +101,24 @@ def read_plain(path: str | Path) -> Any:
         raise InputError(str(error)) from error
 
 
+def part_named(group: Group, name: str) -> Any:
+    """Returns what an entry point names: a class or function.
+
+    Only installed packages are asked, so a card or an experiment of others can name no code.
+
+    Raises:
+        InputError: There is none of this name, with the nearest; or it cannot be loaded.
+    """
+    names = plugin_names(group)
+    if name not in names:
+        advice = hint(name, names) if names else "no installed package adds one"
+        raise InputError(f"{group}: nothing is called {name!r}; {advice}")
+    part = plugin(group, name)
+    if part is None:
+        raise InputError(f"{group}: {name!r} cannot be loaded; see the warning above")
+    return part
+
+
 _JSON_TYPES = {
     **{float: "number", int: "integer", str: "string", bool: "boolean", type(None): "null"},
 }
@@ -108,7 +127,19 @@ _JSON_TYPES = {
 def _schema_of(hint: Any) -> dict[str, Any]:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if dataclasses.is_dataclass(hint):
-        return _schema_of_class(hint)
+        kinds, options = typing.get_type_hints(hint), dataclasses.fields(hint)
+        return {
+            "type": "object",
+            "description": inspect.cleandoc(hint.__doc__ or ""),
+            "properties": {
+                "kind": {"const": hint.__name__},
+                **{option.name: _schema_of(kinds[option.name]) for option in options},
+            },
+            "required": [
+                f.name for f in options if f.default is dataclasses.MISSING is f.default_factory
+            ],
+            "additionalProperties": False,
+        }
     if origin in (typing.Union, types.UnionType):
         members = [_schema_of(member) for member in arguments]
         classes = [member for member in members if "kind" in member.get("properties", {})]
@@ -126,21 +157,6 @@ def _schema_of(hint: Any) -> dict[str, Any]:
     if origin is dict:
         return {"type": "object", "additionalProperties": _schema_of(arguments[1])}
     return {} if hint is Any else {"type": _JSON_TYPES[hint]}
-
-
-def _schema_of_class(cls: Any) -> dict[str, Any]:
-    hints, fields = typing.get_type_hints(cls), dataclasses.fields(cls)
-    absent = dataclasses.MISSING
-    return {
-        "type": "object",
-        "description": inspect.cleandoc(cls.__doc__),
-        "properties": {
-            "kind": {"const": cls.__name__},
-            **{field.name: _schema_of(hints[field.name]) for field in fields},
-        },
-        "required": [f.name for f in fields if f.default is absent is f.default_factory],
-        "additionalProperties": False,
-    }
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:

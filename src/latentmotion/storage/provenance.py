@@ -1,12 +1,19 @@
-"""Provenance of files: the command that runs, the commit of this code, the processor."""
+"""Provenance of files: command, commit and processor; terms, as the Hugging Face Hub names them.
+
+Source: https://huggingface.co/docs/hub/model-cards and https://huggingface.co/docs/hub/datasets-cards.
+"""
 
 from __future__ import annotations
 
+import json
 import platform
+import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 
 def command_line() -> str:
@@ -40,3 +47,44 @@ def _cpu_info(name: str) -> str:
     lines = info.read_text().splitlines() if info.exists() else []
     values = (line.split(":", 1)[1].strip() for line in lines if line.startswith(name))
     return next(values, "")
+
+
+PIPELINE = "text-to-3d"
+"""The hub's task that is nearest to motion from text; it has none of its own."""
+
+_LICENSES = {
+    r"cc[ -]?by[ -]?sa[ -]?([34])\.0": "cc-by-sa-{}.0",
+    r"cc[ -]?by[ -]?nc[ -]?([34])\.0": "cc-by-nc-{}.0",
+    r"cc[ -]?by[ -]?([34])\.0": "cc-by-{}.0",
+    r"cc0([ -]1\.0)?": "cc0-1.0",
+    r"apache[ -]?(license )?2\.0": "apache-2.0",
+    r"mit": "mit",
+}
+"""Spellings of licenses, and the hub's identifiers."""
+
+
+def front_matter(fields: Mapping[str, Any]) -> str:
+    """Returns fields as the YAML block that opens a page; empty ones are left out.
+
+    JSON is YAML, so each value is a line of JSON.
+    """
+    lines = (f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in fields.items())
+    filled = (line for line, value in zip(lines, fields.values(), strict=True) if value)
+    return "\n".join(["---", *filled, "---", ""])
+
+
+def license_fields(terms: Iterable[str]) -> dict[str, str]:
+    """Returns the hub's fields for terms; what has no identifier there is `other`, by its name."""
+    texts = sorted(set(terms))
+    identifiers = {identifier for text in texts if (identifier := _identifier(text))}
+    if len(texts) == len(identifiers) == 1:
+        return {"license": identifiers.pop()}
+    return {"license": "other", "license_name": "; ".join(texts) or "unknown"}
+
+
+def _identifier(text: str) -> str | None:
+    plain = re.sub(r"\s+(unported|international|generic|license)$", "", text.strip().lower())
+    for pattern, identifier in _LICENSES.items():
+        if match := re.fullmatch(pattern, plain):
+            return identifier.format(*match.groups())
+    return None

@@ -8,7 +8,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,16 +23,24 @@ _CELL_LIMIT = 131_072
 
 
 @contextmanager
-def blamed_on(path: str | Path) -> Iterator[None]:
+def blamed_on(
+    path: str | Path, *kinds: type[Exception], problem: str = "{error}"
+) -> Iterator[None]:
     """Turns errors of what a file holds into errors of the file.
 
+    Args:
+        path: The file.
+        kinds: Classes of the errors; by default InputError.
+        problem: What is said of the file, around `{error}`.
+
     Raises:
-        FileFormatError: The block raised an InputError.
+        FileFormatError: The block raised one of them.
     """
+    caught = kinds or (InputError,)
     try:
         yield
-    except InputError as error:
-        raise FileFormatError(path, str(error)) from error
+    except caught as error:
+        raise FileFormatError(path, problem.format(error=error)) from error
 
 
 def read_bytes(path: str | Path, most: int = limits.MOST_UNPACKED) -> bytes:
@@ -105,6 +113,16 @@ def read_table(path: str | Path, needed: Sequence[str]) -> list[tuple[int, dict[
     except csv.Error as error:
         problem = f"not CSV ({error}); a cell has at most {_CELL_LIMIT:,} characters"
         raise FileFormatError(path, problem, table.line_num) from error
+
+
+def csv_rows(path: str | Path, lines: Iterable[str]) -> list[list[str]]:
+    """Returns the cells of lines of CSV.
+
+    Raises:
+        FileFormatError: It is no CSV.
+    """
+    with blamed_on(path, csv.Error, problem="not CSV ({error})"):
+        return list(csv.reader(lines))
 
 
 def read_json_file(path: str | Path) -> Any:

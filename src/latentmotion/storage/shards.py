@@ -52,7 +52,7 @@ class ShardContent:
 
 @dataclass(frozen=True)
 class FileRecord:
-    """Record of a further file of a shard."""
+    """Record of a file."""
 
     name: str
     """The file."""
@@ -63,15 +63,9 @@ class FileRecord:
 
 
 @dataclass(frozen=True)
-class Record:
+class Record(FileRecord):
     """Record of a finished shard."""
 
-    name: str
-    """Its file."""
-    size: int
-    """Bytes of the file."""
-    sha256: str
-    """SHA-256 of the file, as hexadecimal digits."""
     items: int
     """Number of its items."""
     wrong: tuple[Wrong, ...]
@@ -260,12 +254,12 @@ def finish(folder: Folder, name: str, task: Callable[[], ShardContent], run: str
     shard = task()
     digest = hashlib.sha256(shard.content).hexdigest()
     further = tuple(
-        FileRecord(one, len(content), hashlib.sha256(content).hexdigest())
-        for one, content in shard.files.items()
+        FileRecord(file, len(content), hashlib.sha256(content).hexdigest())
+        for file, content in shard.files.items()
     )
     record = Record(name, len(shard.content), digest, shard.items, shard.wrong, run, further)
-    for one, content in shard.files.items():
-        folder.write(one, content)
+    for file, content in shard.files.items():
+        folder.write(file, content)
     folder.write(name, shard.content)
     folder.write(_record_of(name), _packed(record))
     return record
@@ -284,6 +278,7 @@ def conclude(run: Run, folder: Folder) -> Manifest | None:
     for record in records:
         if record.run != run.digest:
             raise DataError(f"{folder}: {record.name} is of another run; delete it and its record")
+    # Whoever comes last writes it; if two do, both write the same bytes.
     manifest = Manifest(run, records)
     folder.write(MANIFEST_FILE, _packed(manifest))
     folder.tidy()
@@ -309,7 +304,7 @@ def check(folder: Folder) -> Manifest:
     if tuple(record.name for record in manifest.shards) != manifest.run.shards:
         raise DataError(f"{folder}: {MANIFEST_FILE} lists other files than its run; run it again")
     problems = []
-    for record in (one for shard in manifest.shards for one in (shard, *shard.files)):
+    for record in (file for shard in manifest.shards for file in (shard, *shard.files)):
         if record.name not in there:
             problems.append(f"{record.name} is missing")
             continue

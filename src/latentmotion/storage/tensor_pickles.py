@@ -34,7 +34,7 @@ from latentmotion.storage.pickles import (
     StandInType,
     plain_values,
 )
-from latentmotion.storage.reading import read_bytes
+from latentmotion.storage.reading import blamed_on, read_bytes
 
 _TYPES = {
     "DoubleStorage": "<f8",
@@ -67,32 +67,23 @@ def load(path: str | Path) -> Any:
     if content.startswith(b"PK") and is_zipfile(path):
         return _zipped(path)
     if content[:1] == b"\x78":  # zlib's first byte; no pickle begins with it
-        content = _unpacked(path, content)
+        most = max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * len(content))
+        unpacking = zlib.decompressobj()
+        with blamed_on(path, zlib.error, problem="packed by zlib, but damaged: {error}"):
+            content = unpacking.decompress(content, most)
+        if unpacking.unconsumed_tail:
+            raise FileFormatError(path, f"would unpack to more than {most:,} bytes")
     if content.startswith(b"\x93NUMPY"):
         return plain_values(path, len(content), lambda: _objects(content))
     return plain_values(path, len(content), _Unpickler(io.BytesIO(content)).load)
 
 
-def _unpacked(path: str | Path, content: bytes) -> bytes:
-    most = max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * len(content))
-    unpacking = zlib.decompressobj()
-    try:
-        whole = unpacking.decompress(content, most)
-    except zlib.error as error:
-        raise FileFormatError(path, f"packed by zlib, but damaged: {error}") from error
-    if unpacking.unconsumed_tail:
-        raise FileFormatError(path, f"would unpack to more than {most:,} bytes")
-    return whole
-
-
 def _zipped(path: str | Path) -> Any:
     """Reads a file of PyTorch, or each array of an `.npz`."""
-    try:
-        with ZipFile(path) as archive:
-            check_members(path, archive.infolist())
-            members = {name: archive.read(name) for name in archive.namelist()}
-    except DAMAGE as error:
-        raise FileFormatError(path, f"a damaged zip archive ({error})") from error
+    damage = blamed_on(path, *DAMAGE, problem="a damaged zip archive ({error})")
+    with damage, ZipFile(path) as archive:
+        check_members(path, archive.infolist())
+        members = {name: archive.read(name) for name in archive.namelist()}
     program = next((name for name in members if name.endswith("/data.pkl")), None)
     if program is None:
         arrays = {name.removesuffix(".npy"): raw for name, raw in members.items()}

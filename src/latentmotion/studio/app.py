@@ -8,29 +8,17 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import partial
-from importlib import resources
-from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import Response
 
-from latentmotion.service.app import Extension, create_app
-from latentmotion.service.problems import FULL_DISK, Problem, problem_response
+from latentmotion.service.app import Extension, asset_files, create_app, page_routes
+from latentmotion.service.problems import FULL_DISK, problem_response
 from latentmotion.service.settings import Settings
 from latentmotion.service.state import Service
-from latentmotion.studio import (
-    best,
-    capabilities,
-    characters,
-    projects,
-    session,
-    takes,
-    teaching,
-)
+from latentmotion.studio import best, characters, models, projects, session, takes, teaching
 from latentmotion.studio.library import Library, MissingMotionError, UnknownError
-from latentmotion.studio.models import Models
 
 POLICY = (
     "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' blob:; "
@@ -38,21 +26,6 @@ POLICY = (
     "frame-ancestors 'none'"
 )
 """Content security policy: files of the studio; images and models that the user opens."""
-
-PAGE = "index.html"
-"""The page among the assets."""
-
-MEDIA_TYPES = MappingProxyType(
-    {
-        ".css": "text/css",
-        ".html": "text/html",
-        ".js": "text/javascript",
-        ".svg": "image/svg+xml",
-        ".woff2": "font/woff2",
-        ".txt": "text/plain",
-    }
-)
-"""Kinds of assets that are served."""
 
 
 def create_studio(settings: Settings, library: Library, others: Sequence[str] = ()) -> FastAPI:
@@ -67,11 +40,7 @@ def create_studio(settings: Settings, library: Library, others: Sequence[str] = 
         InputError: A model moves another skeleton than the first.
         ModelError: There is no such model.
     """
-    files = {
-        file.name: file.read_bytes()
-        for file in resources.files("latentmotion.studio").joinpath("assets").iterdir()
-        if file.is_file() and Path(file.name).suffix in MEDIA_TYPES
-    }
+    files = asset_files("latentmotion.studio")
     named = {f"/studio/assets/{name}" for name in files}
     extension = Extension(
         partial(_routes, library, files, others),
@@ -106,7 +75,7 @@ async def _on_database(request: Request, error: Exception) -> Response:
 def _routes(
     library: Library, files: dict[str, bytes], others: Sequence[str], service: Service
 ) -> APIRouter:
-    models = Models(service, library, others)
+    offered = models.Models(service, library, others)
 
     @asynccontextmanager
     async def lifespan(app: Any) -> AsyncIterator[None]:
@@ -114,40 +83,21 @@ def _routes(
         library.close()
 
     router = APIRouter(lifespan=lifespan)
-    router.include_router(_page(files))
+
+    pages = dict.fromkeys(("/studio", "/studio/"), files["index.html"])
+    policy = {"Content-Security-Policy": POLICY}  # of the page's workers, too
+    router.include_router(page_routes(pages, files, "/studio/assets", POLICY, **policy))
     for routes in (
-        capabilities.routes(models),
-        takes.recipe_routes(service, library, models),
+        models.routes(offered),
+        takes.recipe_routes(service, library, offered),
         takes.routes(library),
         takes.file_routes(service, library),
         takes.transfer_routes(service, library),
         characters.routes(service, library),
         projects.routes(library),
         session.routes(),
-        best.routes(library, models),
-        teaching.routes(library, models),
+        best.routes(library, offered),
+        teaching.routes(library, offered),
     ):
         router.include_router(routes, prefix="/studio/v1", tags=["studio"])
-    return router
-
-
-def _page(files: dict[str, bytes]) -> APIRouter:
-    router = APIRouter(include_in_schema=False)
-
-    @router.get("/studio")
-    @router.get("/studio/")
-    async def page() -> Response:
-        """Send the page."""
-        headers = {"Content-Security-Policy": POLICY}
-        return Response(files[PAGE], headers=headers, media_type="text/html")
-
-    @router.get("/studio/assets/{name}")
-    async def asset(name: str) -> Response:
-        """Send a file of the page."""
-        if name not in files:
-            raise Problem(404, f"there is no file {name[:100]!r}")
-        headers = {"Cache-Control": "no-cache", "Content-Security-Policy": POLICY}
-        kind = MEDIA_TYPES[Path(name).suffix]
-        return Response(files[name], headers=headers, media_type=kind)
-
     return router

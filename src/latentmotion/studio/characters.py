@@ -45,7 +45,9 @@ def routes(service: Service, library: Library) -> APIRouter:
             raise InputError(f"{name!r} is no character that can be read; expected {endings}")
         async with uploaded(service, request, f"character.{ending}") as folder:
             file = f"character.{ending}"
-            if ending == "glb" and not _is_glb(folder / file):
+            with (folder / file).open("rb") as opened:
+                is_glb = opened.read(4) == b"glTF"
+            if ending == "glb" and not is_glb:
                 raise InputError(
                     f"{name!r} is no binary glTF, whatever its name says; export it as .glb or .vrm"
                 )
@@ -87,11 +89,6 @@ def routes(service: Service, library: Library) -> APIRouter:
         return library.change_character(name, deleted=False).about()
 
     return router
-
-
-def _is_glb(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(4) == b"glTF"
 
 
 async def _inspected(service: Service, request: Request, task: dict[str, Any]) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from functools import lru_cache
 from math import inf
 from pathlib import Path
 from threading import RLock
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 from uuid import uuid4
 
 from latentmotion.errors import DiskFullError, FileFormatError, InputError, LatentMotionError
@@ -203,6 +203,7 @@ class Library:
         (version,) = self._database.execute("PRAGMA user_version").fetchone()
         if version > VERSION:
             raise InputError(f"{path} is of version {version}; update latentmotion")
+        # A take that was answered for is there after a power cut; readers never wait for a writer.
         self._database.execute("PRAGMA journal_mode = WAL")
         self._database.execute("PRAGMA synchronous = FULL")
         self._database.executescript(f"{_TABLES} PRAGMA user_version = {VERSION};")
@@ -276,11 +277,15 @@ class Library:
         Raises:
             UnknownError: There is none of this name.
         """
+        return self._take(self._row_named(name, "take"))
+
+    def _row_named(self, name: str, kind: Literal["take", "character"]) -> sqlite3.Row:
         with self._lock:
-            row = self._database.execute("SELECT * FROM takes WHERE id = ?", (name,)).fetchone()
+            query = f"SELECT * FROM {kind}s WHERE id = ?"
+            row = self._database.execute(query, (name,)).fetchone()
         if row is None:
-            raise UnknownError(f"there is no take {name[:40]!r} in this library")
-        return self._take(row)
+            raise UnknownError(f"there is no {kind} {name[:40]!r} in this library")
+        return row
 
     def takes(
         self,
@@ -304,6 +309,7 @@ class Library:
         """
         conditions: list[str] = ["deleted = ?"]
         values: list[str | int] = [int(deleted)]
+        # Each word costs a scan of all takes: twenty are more than anybody types.
         for word in query.casefold().split()[:20]:
             forms = _to_look_for(word)
             conditions.append(f"({' OR '.join(['instr(words, ?)'] * len(forms))})")
@@ -411,13 +417,7 @@ class Library:
         Raises:
             UnknownError: There is none of this name.
         """
-        with self._lock:
-            row = self._database.execute(
-                "SELECT * FROM characters WHERE id = ?", (name,)
-            ).fetchone()
-        if row is None:
-            raise UnknownError(f"there is no character {name[:40]!r} in this library")
-        return _character(row)
+        return _character(self._row_named(name, "character"))
 
     def characters(self, deleted: bool = False) -> list[Character]:
         """Returns all characters, the newest first.
@@ -506,6 +506,7 @@ class Library:
         except (ValueError, TypeError, AttributeError, ArithmeticError, LatentMotionError) as error:
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
             name, at, digest = (str(row[name])[:MOST_TITLE] for name in ("id", "made", "motion"))
+            # Listed in spite of it, so that one damaged row hides no others and can be deleted.
             title = "damaged: its row in library.sqlite3 cannot be read"
             return StoredTake(
                 *(name, at, title, {"damaged": reason}, digest, 1, 1.0),
@@ -572,7 +573,7 @@ def _edits(text: str) -> Edits:
 def _to_look_for(word: str) -> list[str]:
     """Returns the beginnings of all forms of a word that is searched for."""
     forms = {word, *(form for form in other_forms(word) if len(form) > 2)}
-    return [one for one in sorted(forms) if not any(o in one for o in forms if o != one)]
+    return [form for form in sorted(forms) if not any(o in form for o in forms if o != form)]
 
 
 def _row(take: StoredTake) -> tuple[Any, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from latentmotion import __version__
 from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.control.edit import ON_THE_WAY, generate_between, generate_edited
-from latentmotion.control.goals import Goal, Pose
+from latentmotion.control.goals import Pose
 from latentmotion.control.stream import generate_loop
 from latentmotion.control.timeline import generate_timeline
 from latentmotion.errors import InputError
@@ -170,7 +170,15 @@ def _generated(
     if recipe.loop:
         motions = [generate_loop(pipeline, prompt, seconds, seed, *sampled) for seed in seeds]
         return clean_batch(motions, steps) if steps else motions
-    goals = [*recipe.all_goals(), *_poses(recipe, source)]
+    goals = recipe.all_goals()
+    goals += [Pose(pose.at, source(pose.take), pose.frame) for pose in recipe.poses]
+    if recipe.start is not None:
+        # A motion starts above the origin and faces +z, and so does the pose that it starts in.
+        start = source(recipe.start)
+        pose = start.joints[-1:].astype(np.float64)
+        pose -= pose[0, 0] * (1, 0, 1)
+        turned = turn(pose, -heading(pose[0], start.skeleton))
+        goals.append(Pose(0.0, replace(start, joints=turned.astype(np.float32))))
     if goals or recipe.best_of > 1:
         settings = {"takes": recipe.best_of, "clean_up": steps}
         sampling = (*sampled, recipe.sampler)
@@ -179,15 +187,3 @@ def _generated(
     every_other = [seed % 2 == 0 for seed in seeds]
     prompts = [prompt] * len(seeds)
     return pipeline.batch(prompts, seconds, seeds, *sampled, recipe.sampler, every_other, steps)
-
-
-def _poses(recipe: Recipe, source: Source) -> list[Goal]:
-    goals: list[Goal] = [Pose(pose.at, source(pose.take), pose.frame) for pose in recipe.poses]
-    if recipe.start is not None:
-        # A motion starts above the origin and faces +z, and so does the pose that it starts in.
-        start = source(recipe.start)
-        pose = start.joints[-1:].astype(np.float64)
-        pose -= pose[0, 0] * (1, 0, 1)
-        turned = turn(pose, -heading(pose[0], start.skeleton))
-        goals.append(Pose(0.0, replace(start, joints=turned.astype(np.float32))))
-    return goals

@@ -1,4 +1,7 @@
-"""Models of the studio: those that takes can be made with, of which two are in memory at most."""
+"""Models of the studio: those that takes can be made with, of which two are in memory at most.
+
+Their routes say what each can do, and which makes takes at once.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,28 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, get_args
 
+from fastapi import APIRouter
+
+from latentmotion import __version__
+from latentmotion.control.parts import PARTS
 from latentmotion.errors import InputError, ModelError, hint
 from latentmotion.model import card as cards
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.service.model import first_prompt, with_recent_prompts
-from latentmotion.service.state import Service
+from latentmotion.service.schemas import FileFormat, Readable
+from latentmotion.service.state import Service, about
 from latentmotion.studio.library import Library
 from latentmotion.studio.making import Maker
+from latentmotion.studio.schemas import (
+    CHARACTER_FORMATS,
+    MOST_BEST_OF,
+    Capabilities,
+    ModelChoice,
+    ModelsAnswer,
+    OfferedModel,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,3 +198,70 @@ class Models:
 def _folder(source: str) -> Path:
     hub = cards.is_hub_id(source)
     return (cards.download(source) if hub else cards.find_model(source)).resolve()
+
+
+_USUAL_STEPS = (10, 25, 50, 100)
+"""Numbers of steps to offer for models that take any."""
+
+
+def routes(models: Models) -> APIRouter:
+    """Returns the routes of the models."""
+    router = APIRouter()
+
+    @router.get("/capabilities")
+    def capabilities() -> Capabilities:
+        """Describe what the model can do that the studio was started with."""
+        return capabilities_of(models, models.own)
+
+    @router.get("/models")
+    def listed() -> ModelsAnswer:
+        """List the models that takes can be made with, and what each can do."""
+        return ModelsAnswer(models=[offered(model) for model in models.all.values()])
+
+    @router.post("/models")
+    def loaded(choice: ModelChoice) -> OfferedModel:
+        """Load a model, so that its first takes need not wait; another one leaves the memory."""
+        model = models.named(choice.model)
+        models.maker(model.name)
+        return offered(model)
+
+    def offered(model: StudioModel) -> OfferedModel:
+        return OfferedModel(
+            name=model.name,
+            weights=model.weights,
+            loaded=models.is_loaded(model),
+            capabilities=capabilities_of(models, model),
+        )
+
+    return router
+
+
+def capabilities_of(models: Models, model: StudioModel) -> Capabilities:
+    """Returns what a model can do."""
+    pipeline = models.opened(model)
+    facts, card = about(pipeline), pipeline.card
+    few, usual = card.few_step, card.sampling
+    least, most = few.guidance if few else (1.0, max(15.0, usual.guidance))
+    best_of = card.condition.reads_text and MOST_BEST_OF
+    kinds = ("goals", "path", "timeline", "loop", "between", "edit", "parts", "start")
+    return Capabilities(
+        **facts.model_dump(
+            include={"license", "lacking", "prompts", "labels", "fps", "joints", "parents"}
+        ),
+        model=model.name,
+        steps=sorted(few.steps if few else {*_USUAL_STEPS, usual.steps}),
+        usual_steps=usual.steps,
+        guidance={"least": least, "most": most, "usual": usual.guidance},
+        seconds=dict(zip(("least", "most"), facts.seconds, strict=True)),
+        parts=list(PARTS),
+        directions=pipeline.representation.skeleton.offsets.round(4).tolist(),
+        formats=[name for name in get_args(FileFormat) if name in facts.formats],
+        character_formats=CHARACTER_FORMATS,
+        readable=list(get_args(Readable)),
+        can=dict.fromkeys(kinds, facts.directed)
+        | {"best_of": best_of, "teach": bool(pipeline.moves)},
+        least_steps={"timeline": 2, "loop": 2},
+        models=list(models.all),
+        library=str(models.library.folder.absolute()),
+        version=__version__,
+    )

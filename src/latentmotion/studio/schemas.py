@@ -29,6 +29,9 @@ TITLE = rf"[^\x00-\x1f\x7f]{{1,{MOST_TITLE}}}"
 TAG = r"[^\x00-\x20\x7f]([^\x00-\x1f\x7f]{0,48}[^\x00-\x20\x7f])?"
 """Patterns of texts."""
 
+CHARACTER_FORMATS = ["glb", "bvh"]
+"""Formats of takes on a character."""
+
 MOST_TAKES = 16
 """Takes of a recipe that are made at once."""
 

@@ -1,9 +1,11 @@
-"""Routes of takes: made, listed, changed, shown, written to files."""
+"""Routes of takes: made, listed, changed, shown, written to files with their edits."""
 
 from __future__ import annotations
 
+import re
 import tempfile
-from dataclasses import replace
+import zipfile
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -14,16 +16,17 @@ from fastapi.responses import Response, StreamingResponse
 
 from latentmotion.errors import InputError
 from latentmotion.formats import npz
-from latentmotion.formats.content import MEDIA_TYPES
+from latentmotion.formats.content import MEDIA_TYPES, encoded
 from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.pipeline import RawMotion
 from latentmotion.service.schemas import FileFormat, Readable
 from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, Fps, pieces, uploaded
 from latentmotion.studio.edits import Edits
-from latentmotion.studio.files import Written, archived, content_of, file_name
 from latentmotion.studio.library import MOST_LISTED, Library, StoredTake
 from latentmotion.studio.models import Models
 from latentmotion.studio.schemas import (
+    CHARACTER_FORMATS,
     MOST_TAKES,
     AgainAnswer,
     ExportRequest,
@@ -231,3 +234,68 @@ def _store_motions(library: Library, name: str, file: Path) -> list[StoredTake]:
         (motion.cut(), {"imported": name}, title, Edits())
         for motion, title in zip(motions, titles, strict=True)
     )
+
+
+@dataclass(frozen=True)
+class Written:
+    """How takes are written."""
+
+    format: str
+    """Format of the service."""
+    fps: float | None = None
+    """Frames per second; by default the take's own."""
+    character: str | None = None
+    """Name of the character; by default the mannequin of the format."""
+
+    def check(self) -> None:
+        """Raises InputError if characters cannot be written in the format."""
+        if self.character is not None and self.format not in CHARACTER_FORMATS:
+            formats = " or ".join(CHARACTER_FORMATS)
+            raise InputError(f"format {self.format}: characters are written as {formats}")
+
+
+async def content_of(
+    service: Service, library: Library, take: StoredTake, form: Written
+) -> tuple[bytes, str]:
+    """Returns a take as a file's content, and the file's ending.
+
+    Raises:
+        LatentMotionError: The motion or the character cannot be used, or not written so.
+        Problem: Too much waits, or it took too long.
+    """
+    form.check()
+    motion = await run_in_threadpool(library.motion, take)
+    if form.character is None:
+        raw = [RawMotion(motion)]
+        return await service.file(raw, form.format, False, form.fps, service.deadline())
+    character = await run_in_threadpool(library.character, form.character)
+    task = {
+        **{"verb": "retarget", "map": character.joint_map(), "figure": True},
+        **{"file": str(library.character_file(character).resolve()), "format": form.format},
+    }
+    with tempfile.TemporaryDirectory(prefix="latentmotion-") as folder:
+        motion_file, _ = await run_in_threadpool(encoded, [motion], "npz")
+        (Path(folder) / "motion.npz").write_bytes(motion_file)
+        head = await service.read({**task, "folder": folder, "fps": form.fps})
+        return (Path(folder) / "answer").read_bytes(), head["format"]
+
+
+async def archived(
+    service: Service, library: Library, takes: list[StoredTake], form: Written, path: Path
+) -> None:
+    """Writes takes as a zip archive of a file each.
+
+    Raises:
+        LatentMotionError: As `content_of`.
+        Problem: Likewise.
+    """
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for take in takes:
+            content, ending = await content_of(service, library, take, form)
+            await run_in_threadpool(archive.writestr, file_name(take, ending), content)
+
+
+def file_name(take: StoredTake, ending: str) -> str:
+    """Returns the name of a take's file: words of its title, and its number."""
+    words = re.sub("[^a-z0-9]+", "-", take.title.lower())[:60].strip("-")
+    return f"{words or 'take'}-{take.id[-6:].lower()}.{ending}"

@@ -1,26 +1,36 @@
-"""CSV: one row per frame, for spreadsheets, statistics and other languages.
+"""Tables for spreadsheets, statistics and other languages: joints and contact events.
+
+Joints, `.csv`: one row per frame.
 
     time,pelvis_x,pelvis_y,pelvis_z,left_hip_x,…
     0.000000,0.012300,0.921000,-0.004100,0.071200,…
 
 Seconds and meters, y up, rounded to a micrometer; one take per file.
+
+Contact events, when feet come down and leave the floor: `.contacts.csv` and `.contacts.json`.
+
+    csv   time,event          0.35,left_foot_down      a row for each event, seconds
+    json  {"fps": 20, "seconds": 4.0, "events": [{"time": 0.35, "event": "left_foot_down"}, …]}
 """
 
 from __future__ import annotations
 
-import csv
+import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
+from latentmotion.cleanup.loops import is_loop, unrolled
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.checks import checked_rate, numbers, read_lines, whole_rate
 from latentmotion.formats.takes import OURS, numbered
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_file
-from latentmotion.storage.reading import blamed_on
+from latentmotion.storage.reading import blamed_on, csv_rows
 
 _TIME = "time"
 _SINGLE_FPS = 20.0
@@ -52,11 +62,7 @@ def read(path: str | Path) -> list[Motion]:
     Raises:
         FileFormatError: A number is missing or not finite, times are uneven, or joints unknown.
     """
-    lines = read_lines(path)
-    try:
-        rows = list(csv.reader(lines))
-    except csv.Error as error:
-        raise FileFormatError(path, f"not CSV ({error})") from error
+    rows = csv_rows(path, read_lines(path))
     header = [name.strip() for name in rows[0]]
     skeleton = _skeleton(path, header)
     columns = [header.index(name) for name in (_TIME, *_columns(skeleton.names))]
@@ -91,6 +97,7 @@ def _columns(names: Sequence[str]) -> list[str]:
 
 def _skeleton(path: str | Path, header: Sequence[str]) -> Skeleton:
     """Returns the largest of our skeletons whose columns are all there."""
+    # The largest first, since the columns of a body with hands hold those of one without.
     skeletons = sorted(OURS.values(), key=len, reverse=True)
     for skeleton in skeletons:
         if {_TIME, *_columns(skeleton.names)} <= set(header):
@@ -103,3 +110,46 @@ def _skeleton(path: str | Path, header: Sequence[str]) -> Skeleton:
         f"{', '.join(skeleton.name for skeleton in skeletons)}",
         1,
     )
+
+
+def contact_events(motion: Motion) -> list[dict[str, Any]]:
+    """Returns when feet come down and leave the floor: `time` in seconds, and `event`.
+
+    Args:
+        motion: A motion; a loop's feet go on beyond its ends.
+    """
+    if not (motion.skeleton.left_foot or motion.skeleton.right_foot):
+        return []
+    count = len(motion) - 1 if is_loop(motion) else len(motion)
+    whole = unrolled(motion, 1, 1) if is_loop(motion) else motion
+    first = count if is_loop(motion) else 0
+    standing = foot_contacts(whole.joints.astype(np.float64), whole.fps, whole.skeleton)
+    half = len(whole.skeleton.left_foot)
+    events: list[dict[str, Any]] = []
+    for side, feet in (("left", standing[:, :half]), ("right", standing[:, half:])):
+        for start, end in contact_intervals(np.asarray(feet.any(axis=1))):
+            for frame, kind in ((start, "down"), (end, "up")):
+                if first <= frame < first + count and frame > 0:
+                    time = round((frame - first) / motion.fps, 4)
+                    events.append({"time": time, "event": f"{side}_foot_{kind}"})
+    return sorted(events, key=lambda event: event["time"])
+
+
+def write_events(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
+    """Writes the events of each motion: `a.contacts.csv`, or `a-1.contacts.csv` and so on.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    paths = numbered(Path(path), len(motions))
+    for target, motion in zip(paths, motions, strict=True):
+        events = contact_events(motion)
+        if target.suffix.lower() == ".csv":
+            rows = [f"{event['time']:g},{event['event']}" for event in events]
+            text = "\n".join(["time,event", *rows])
+        else:
+            whole = {"fps": motion.fps, "seconds": motion.seconds, "events": events}
+            text = json.dumps(whole, indent=1)
+        with atomic_file(target) as temporary:
+            temporary.write_text(text + "\n", encoding="utf-8")
+    return paths
