@@ -6,7 +6,7 @@ import pytest
 
 from latentmotion.language.inflection import forms
 from latentmotion.language.reading import request_of
-from latentmotion.language.words import match, plain, tokens_of, with_words, words_of
+from latentmotion.language.words import match, plain, tokens_of, uncounted, with_words, words_of
 
 
 @pytest.mark.parametrize(
@@ -79,3 +79,17 @@ def test_words_are_replaced_as_words() -> None:
     assert (
         with_words("Walk a walkk, WALKK İ walkk", {"walkk": "walk"}) == "Walk a walk, walk İ walk"
     )
+
+
+@pytest.mark.parametrize(
+    ("sentence", "without"),
+    [
+        ("six slow calf raises", "slow calf raises"),
+        ("clap three times over your head", "clap over your head"),
+        ("turn around 180 degrees", "turn around 180 degrees"),
+        ("balance on one leg", "balance on one leg"),
+        ("twice", "twice"),
+    ],
+)
+def test_a_sentence_without_its_counts(sentence: str, without: str) -> None:
+    assert uncounted(sentence) == without

@@ -75,6 +75,20 @@ def parts_of(sentence: str) -> list[str]:
     return [part for part in THEN.split(sentence) if part.strip()] or [sentence]
 
 
+def uncounted(sentence: str) -> str:
+    """Returns a sentence without counts: "six slow calf raises" becomes "slow calf raises"."""
+    tokens = tokens_of(sentence)
+    other, repetition = listed("not_counted") | listed("units"), listed("repetition")
+    kept, counts = "", False
+    for number, token in enumerate(tokens):
+        after = tokens[number + 1].text if number + 1 < len(tokens) else ""
+        times = counts and token.text in repetition
+        counts = token.number > 0 and token.number not in ANGLES and after not in other
+        if not counts and not times:
+            kept += f" {sentence[token.start : token.end]}"
+    return kept.strip() or sentence
+
+
 def tokens_of(sentence: str) -> list[Token]:
     """Returns the tokens of a sentence; words that are one number are one token."""
     tokens: list[Token] = []

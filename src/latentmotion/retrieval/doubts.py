@@ -127,13 +127,19 @@ class Doubts:
         """Returns a sentence with misspelled words corrected, and the corrections.
 
         A word is misspelled where no caption has it, the text encoder has no piece for it, and
-        exactly one frequent word of captions differs from it by one letter, or by two exchanged.
+        exactly one frequent word of captions with the same first letter differs from it by one
+        letter, or by two exchanged.
         """
         corrections: dict[str, str] = {}
         for word in words_of(sentence):
             if self._is_known(word) or len(word) < 4 or self._is_english(word):
                 continue
-            near = [other for other in _edits(word) if self.index.words.get(other, 0) >= _FREQUENT]
+            # The first letter is seldom wrong (Yannakoudakis and Fawthrop 1983): "mows" is no bow.
+            near = [
+                other
+                for other in _edits(word)
+                if other[:1] == word[0] and self.index.words.get(other, 0) >= _FREQUENT
+            ]
             if len(set(near)) == 1:
                 corrections[word] = near[0]
         return with_words(sentence, corrections), corrections

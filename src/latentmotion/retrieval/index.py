@@ -43,8 +43,12 @@ cosines lie farther apart: with 0.03 "walks forward and sits down" was rare, as 
 sentences were; along principal directions it was not, and 19 were."""
 
 SHOWN, DRAWN = 0, -1
-"""Supports that nothing was counted for: of a clip that a user showed, and of one that was drawn
-for its sentences. Both are started from however frequent the movement is."""
+"""Supports that nothing was counted for: of a clip that a user showed, which is started from
+however frequent the movement is, and of one that was drawn for its sentences."""
+
+ALIKE_WORDS = 0.9
+"""Cosine from which a sentence says the same as one of a drawn clip; below, captions that are about
+as near decide how frequent the movement is ("walk slowly" is 0.8 from "a slow motion walk")."""
 
 ALL_DIRECTIONS = np.zeros((0, 0), np.float32)
 """Directions of an index that keeps embeddings whole."""
@@ -212,7 +216,7 @@ class ClipIndex:
         """
         cosines = self._cosines(sentences).max(axis=1)
         nearest = self.captions[int(cosines.argmax())].support
-        if nearest <= SHOWN:
+        if nearest == SHOWN or (nearest == DRAWN and cosines.max() >= ALIKE_WORDS):
             return nearest
         near = np.flatnonzero(cosines >= cosines.max() - ABOUT)
         return max(self.captions[row].support for row in near.tolist())

@@ -24,22 +24,30 @@ from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
 from latentmotion.language.claims import both_sides
 from latentmotion.language.reading import asked_exactly
-from latentmotion.language.words import parts_of
+from latentmotion.language.words import parts_of, uncounted
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, Reading
-from latentmotion.retrieval.index import DRAWN, LEAST_COSINE, SHOWN, ClipIndex, Neighbor
+from latentmotion.retrieval.index import (
+    ALIKE_WORDS,
+    DRAWN,
+    LEAST_COSINE,
+    SHOWN,
+    ClipIndex,
+    Neighbor,
+)
 
 RARE = 20
 """Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes
 another one from noise. With 60 frequent movements lost (lab/diary/rare_acts.md)."""
 
-LEAST_OF_DRAWN = 0.72
+LEAST_OF_DRAWN = 0.68
 """Cosine from which a drawn clip may show what a sentence asks for: its sentences are short, and
-share words with others ("ape around" is 0.71 from "sneaks around")."""
+share words with others ("ape around" is 0.71 from "sneaks around", but 0.98 from a wording)."""
 
-UNRELATED = 0.55
-"""Cosine up to which a caption says nothing of what a sentence asks for."""
+UNRELATED, UNRELATED_OF_DRAWN = 0.55, 0.4
+"""Cosine up to which a caption says nothing of what a sentence asks for; the short sentences of
+drawn clips are still right where longer captions are not (by two lists of 80 prompts)."""
 
 USUAL = 60.0
 """Support of a movement that succeeds from noise about as often as from a clip."""
@@ -71,6 +79,12 @@ class Choice:
     def cosine(self) -> float:
         """Cosine of the nearest."""
         return self.neighbors[0].cosine
+
+    @property
+    def is_given(self) -> bool:
+        """Whether a clip was shown for the sentence, or drawn for nearly the same words."""
+        support = self.neighbors[0].caption.support
+        return support == SHOWN or (support == DRAWN and self.cosine >= ALIKE_WORDS)
 
     @property
     def is_near(self) -> bool:
@@ -147,16 +161,18 @@ class ClipStarts:
             parts = [whole]
         support = min(part.support for part in parts)
         # Noise has the count or the turn that a sentence asks for exactly more often than a clip,
-        # but for a clip that a user showed.
-        exact = (
-            support != SHOWN and asked_exactly(reading.sentence, any_length=True) != NO_CORRECTIONS
-        )
+        # but for a clip that was shown for it.
+        given = all(part.is_given for part in parts)
+        exact = not given and asked_exactly(reading.sentence, any_length=True) != NO_CORRECTIONS
         rare = support <= (USUAL if reading.caption else RARE) and not exact
         return parts if rare and all(part.is_near for part in parts) else []
 
     def _choice(self, sentence: str) -> Choice:
-        sides = self._sides(sentence)
-        near = self.index.nearest(sides, MOST_CHOICES)
+        # Captions with the same count must not be nearer than those of the act.
+        versions = [self._sides(one) for one in dict.fromkeys((sentence, uncounted(sentence)))]
+        found = [self.index.nearest(sides, MOST_CHOICES) for sides in versions]
+        best = max(range(len(found)), key=lambda n: found[n][0].cosine)
+        sides, near = versions[best], found[best]
         least = near[0].cosine - ALIKE
         # A clip that was shown or drawn for a sentence takes turns with none that was not.
         given = near[0].caption.support <= SHOWN
@@ -230,7 +246,8 @@ class ClipStarts:
         support = rarest.support
         share = next((share for most, share in SHARES if support <= most), SHARES[-1][1])
         usual = USUAL / (USUAL + max(support, 0))
-        likely = max(rarest.cosine - UNRELATED, 0.0) / (1 - UNRELATED)
+        unrelated = UNRELATED_OF_DRAWN if support == DRAWN else UNRELATED
+        likely = max(rarest.cosine - unrelated, 0.0) / (1 - unrelated)
         return ClipStart(Start(joined, share), frames, about, likely * usual)
 
     def _latents(self, neighbor: Neighbor) -> Float[np.ndarray, "tokens width"]:
