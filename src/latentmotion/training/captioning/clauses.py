@@ -11,7 +11,12 @@ import re
 from dataclasses import dataclass
 from itertools import pairwise
 
-from latentmotion.training.captioning.verbs import BASE_OF_PARTICIPLE, BASE_OF_THIRD, VERBS
+from latentmotion.training.captioning.verbs import (
+    BASE_OF_PARTICIPLE,
+    BASE_OF_THIRD,
+    VERBS,
+    word_set,
+)
 
 _WORDS = re.compile(r"[a-z0-9]+(?:['-][a-z0-9]+)*|[,.;]")
 
@@ -30,36 +35,10 @@ _LINKS = {",", ".", ";", "and", "then", "but"}
 _BEFORE_VERB = re.compile(r"(?:then|also|[a-z]+ly|once again|again)")
 _PRONOUNS = {"he", "she", "they"}
 
-_REFUSED_WORDS = """
-    who which that whose people two's is are was were am be been being has had have does if
-    because can could would will should may might must its both's another person man woman someone
-    someone's figure they're he's she's it's there not doesn't isn't until or i you we us my our
-    others other's
-"""
-
-_REFUSED = set(_REFUSED_WORDS.split())
-"""Words that make the meaning depend on more than clauses in a row."""
-
-_PLURAL_WORDS = """
-    his hers this its always arms hands legs feet knees elbows shoulders hips fingers wrists palms
-    thumbs toes heels ankles thighs eyes ears glasses forwards backwards sideways upwards
-    downwards inwards outwards towards afterwards leftwards rightwards steps paces times circles
-    sides jacks squats lunges pushups situps ups crunches objects things items boxes stairs across
-    us is movements motions gestures poses moves weights dumbbells drums arms' vocals lips bongos
-    cymbals
-"""
-
-_PLURALS = set(_PLURAL_WORDS.split())
-"""Words that end like a third person but are not verbs."""
-
-_CLAUSE_ENDS = {"around", "forward", "forwards", "back", "backward", "backwards", "down", "up",
-                "still", "arms", "hands", "legs", "knees", "feet", "head"}  # fmt: skip
-"""Words after which a third person can only be a verb."""
+_REFUSED, _PLURALS = word_set("refused"), word_set("plurals")
+_CLAUSE_ENDS, _NOMINAL_VERBS = word_set("clause_ends"), word_set("nominal_verbs")
 
 _FINITE = set(BASE_OF_THIRD) - _PLURALS
-
-_NOMINAL_VERBS = {"do", "perform", "make", "practice", "throw", "mime", "imitate", "demonstrate"}
-"""Verbs after which "kicks and punches" may be things."""
 
 
 @dataclass(frozen=True)

@@ -11,39 +11,17 @@ import re
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 
+from latentmotion.language.inflection import third_person
 from latentmotion.training.captioning.verbs import (
     BASE_OF_PARTICIPLE,
     BASE_OF_THIRD,
+    TABLE,
     VERBS,
-    third_person,
+    word_set,
 )
 
-_FILLING = frozenset(
-    (
-        *("anim", "animation", "bvh", "capture", "clean", "cleaned", "clip", "copy", "data"),
-        *("dataset", "example", "export", "exported", "fbx", "file", "final", "fps", "frame"),
-        *("glb", "maya", "mixamo", "mocap", "motion", "move", "movement", "new", "raw"),
-        *("recording", "retargeted", "sample", "scene", "skeleton", "take", "test", "trial"),
-        "version",
-    )
-)
-"""Words of names that say nothing of the movement."""
-
-_MANNERS = {
-    **{"angry": "angrily", "happy": "happily", "sad": "sadly", "slow": "slowly", "fast": "fast"},
-    **{"quick": "quickly", "proud": "proudly", "careful": "carefully", "nervous": "nervously"},
-    **{"tired": "tiredly", "drunk": "drunkenly", "gentle": "gently", "strong": "strongly"},
-    **{"normal": "", "neutral": "", "lazy": "lazily", "shy": "shyly", "childish": "childishly"},
-}
-"""Adjectives of names, as adverbs."""
-
-_DIRECTIONS = frozenset(
-    (
-        *("left", "right", "forward", "forwards", "backward", "backwards", "sideways"),
-        *("up", "down", "high", "low", "around"),
-    )
-)
-
+_FILLING, _DIRECTIONS = word_set("filling"), word_set("directions")
+_MANNERS: Mapping[str, str] = TABLE["manners"]
 
 _VERBS: Mapping[str, str] = {
     **dict(zip(VERBS, VERBS, strict=True)),
@@ -76,14 +54,13 @@ def _words(stem: str) -> list[str]:
 
 
 def _sentence(words: list[str]) -> str:
-    bases = _VERBS
-    at = next((number for number, word in enumerate(words) if word in bases), None)
+    at = next((number for number, word in enumerate(words) if word in _VERBS), None)
     if at is None:
         return " ".join(words)
     manners = [_MANNERS[word] for word in words if word in _MANNERS]
     behind = [word for word in words[:at] if word in _DIRECTIONS]
     behind += [word for word in words[at + 1 :] if word not in _MANNERS]
     for number, word in enumerate(behind[1:], 1):
-        if behind[number - 1] in ("and", "then") and word in bases:
-            behind[number] = third_person(bases[word])
-    return " ".join(filter(None, ["a person", third_person(bases[words[at]]), *behind, *manners]))
+        if behind[number - 1] in ("and", "then") and word in _VERBS:
+            behind[number] = third_person(_VERBS[word])
+    return " ".join(filter(None, ["a person", third_person(_VERBS[words[at]]), *behind, *manners]))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import operator
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from importlib.resources import files
@@ -159,17 +159,31 @@ def _walk_and_turn(action: SingleAction) -> Wording:
 
 def _patterns(table: str, action: SingleAction) -> Wording:
     """Returns the lists of those parts of a table that hold for an action."""
-    parts = _tables()[table]
     words = _properties(action) | _tables()["words"]
+    parts = list(filled(_tables()[table], words, _LISTS))
+    return Wording(**{name: [text for part in parts for text in part[name]] for name in _LISTS})
+
+
+def filled(
+    parts: Sequence[Mapping[str, Any]], properties: Mapping[str, Any], lists: Sequence[str]
+) -> Iterator[dict[str, list[str]]]:
+    """Yields the lists of patterns of those parts of a table that hold.
+
+    Args:
+        parts: The parts, each with a `when`, lists of patterns, and texts that all parts may name.
+        properties: What conditions and patterns may name.
+        lists: Names of the lists.
+    """
+    words = dict(properties)
     for part in parts:
-        words |= {name: text for name, text in part.items() if name not in (*_LISTS, "when")}
-    lists: dict[str, list[str]] = {name: [] for name in _LISTS}
+        words |= {name: text for name, text in part.items() if name not in (*lists, "when")}
     for part in parts:
         if _holds(part.get("when", ""), words):
-            for name in part.keys() & lists.keys():
-                text = _filled(" ".join(part[name].split()), words, action.count)
-                lists[name] += [" ".join(pattern.split()) for pattern in text.split(";")]
-    return Wording(**lists)
+            texts = {name: _filled(" ".join(part.get(name, "").split()), words) for name in lists}
+            yield {
+                name: [" ".join(pattern.split()) for pattern in text.split(";") if pattern]
+                for name, text in texts.items()
+            }
 
 
 def _properties(action: SingleAction) -> dict[str, Any]:
@@ -216,16 +230,15 @@ def _holds(condition: str, words: Mapping[str, Any]) -> bool:
     return False
 
 
-def _filled(text: str, words: Mapping[str, Any], count: int) -> str:
+def _filled(text: str, words: Mapping[str, Any]) -> str:
     """Fills in the names in braces, the innermost first."""
 
-    def filled(match: re.Match[str]) -> str:
-        name = match[1]
-        if " / " in name:
-            how, _, nouns = name.partition(" ")
-            counted = some(count, *nouns.split(" / "))
+    def fill(match: re.Match[str]) -> str:
+        how, _, nouns = match[1].partition(" ")
+        if nouns:
+            counted = some(words["count"], *nouns.split(" / "))
             return counted if how == "some" else counted.removesuffix(IN_A_ROW)
-        chosen = words[name]
+        chosen = words[how]
         if isinstance(chosen, dict):
             by = str(words[chosen["by"]] or "none")
             texts = {word: text for names, text in chosen.items() for word in names.split("|")}
@@ -233,5 +246,5 @@ def _filled(text: str, words: Mapping[str, Any], count: int) -> str:
         return str(chosen)
 
     while "{" in text:
-        text = re.sub(r"\{([^{}]*)\}", filled, text)
+        text = re.sub(r"\{([^{}]*)\}", fill, text)
     return text

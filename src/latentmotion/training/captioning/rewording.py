@@ -29,7 +29,7 @@ from latentmotion.training.captioning.clauses import (
     read_clauses,
     words_of,
 )
-from latentmotion.training.captioning.verbs import PHRASES, VERB_GROUPS, other_number
+from latentmotion.training.captioning.verbs import PHRASES, VERB_GROUPS, other_number, word_set
 
 _SUBJECTS = {
     "neutral": ("a person", "the person", "someone", "a figure", "the figure", "a human", "person"),
@@ -46,23 +46,14 @@ _OWN = {
 
 _SELF = {"himself", "herself", "themselves", "themself", "oneself"}
 
-_NEAR = {"of", "behind", "beside", "above", "around", "to", "towards", "toward", "at", "near",
-         "over", "below", "with", "under"}  # fmt: skip
-"""Words after which "them" is taken for the person, not for things."""
-
-_NOT_GOING = {"start", "begin", "continue", "stop", "proceed", "try", "end", "remain", "finish",
-              "let", "land", "attempt", "hold", "keep", "come", "halt", "resume", "use",
-              "regain", "lose"}  # fmt: skip
-"""Verbs that are not used in the progressive in a sequence of actions."""
+_NEAR, _NOT_GOING = word_set("near"), word_set("not_going")
+_FROM_BELOW = word_set("from_below")
 
 _DROPPED = re.compile(
     r"\b(raise|lift|lower|wave|swing|bend|move|with|using|shake|stretch|kick) (?:your|the) "
     r"(?=left|right|arms?|hands?|legs?|knees?)"
 )
 """Phrases in which short commands leave out "your" and "the"."""
-
-_FROM_BELOW = {"pick", "put", "place", "lift", "set", "grab", "take", "drop", "lay"}
-"""Verbs of things that lie or are put low, before which one need not say that somebody bends."""
 
 _ATTEMPTS = 8
 

@@ -11,7 +11,7 @@ from latentmotion.language.inflection import inflect
 from latentmotion.measure.facts import Description
 from latentmotion.measure.reported_acts import ReportedAct, acts_of
 from latentmotion.ranking.agreement import check
-from latentmotion.training.captioning.phrases import Phrase, meanwhile, phrases
+from latentmotion.training.captioning.phrases import meanwhile, phrases
 
 _SUBJECTS = (
     ("a person", "their", "them", 8),
@@ -55,9 +55,9 @@ def sentences(
         claimed = {claim.kind for claim in check(known, description).claims}
         moves = [act for act in acts if act.kind in ("walk", "jog", "run", "turn")]
         if moves and not claimed & {"walk", "jog", "run", "turn", "circle", "move", "sit"}:
-            verb, rest = _draw(phrases(moves[0]), generator)
+            phrase = _draw(phrases(moves[0]), generator)
             texts.append(
-                f"{known.rstrip('. ')} while {_filled(verb, rest, 'the', 'them', 'participle')}"
+                f"{known.rstrip('. ')} while {_filled(phrase, 'the', 'them', 'participle')}"
             )
         texts = texts[:count]
         # Measured sentences would only repeat or spoil what a caption says better.
@@ -93,28 +93,25 @@ def _sentence(acts: Sequence[ReportedAct], generator: np.random.Generator) -> st
     form = "participle" if style == "ing" else style
     parts = []
     for act in acts:
-        verb, rest = _draw(phrases(act), generator)
-        during, manner = _draw(meanwhile(act), generator)
-        gerund = _filled(during, manner, his, him, "participle")
-        parts.append((_filled(verb, rest, his, him, form), gerund))
+        phrase, during = _draw(phrases(act), generator), _draw(meanwhile(act), generator)
+        parts.append((_filled(phrase, his, him, form), _filled(during, his, him, "participle")))
     text = _joined(parts, acts, generator)
     who = f"{who} is" if who and style == "ing" else who
     text = f"{who} {text}".strip()
     return f"{text}." if generator.random() < 0.6 else text
 
 
-def _draw(wordings: list[Phrase], generator: np.random.Generator) -> Phrase:
+def _draw(wordings: list[str], generator: np.random.Generator) -> str:
     """Draws a wording; the plainest, which comes first, is drawn most often."""
     if generator.random() < 0.35:
         return wordings[0]
     return wordings[int(generator.integers(len(wordings)))]
 
 
-def _filled(verb: str, rest: str, his: str, him: str, form: str) -> str:
+def _filled(phrase: str, his: str, him: str, form: str) -> str:
     """Inflects the verbs of a phrase and fills in its pronouns."""
-    rest = rest.replace("{his}", his).replace("{him}", him)
-    rest = re.sub(r"\{(\w+)\}", lambda match: inflect(match[1], form), rest)
-    return f"{inflect(verb, form)} {rest}".strip()
+    phrase = phrase.replace("<his>", his).replace("<him>", him)
+    return re.sub(r"~(\w+)", lambda match: inflect(match[1], form), phrase)
 
 
 def _joined(
