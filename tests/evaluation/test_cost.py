@@ -20,7 +20,7 @@ from latentmotion.evaluation.cost import (
 )
 from latentmotion.networks.build import build
 from latentmotion.networks.transformer import SelfAttention, encoder_stack
-from latentmotion.training.presets import mld_humanml3d, starter
+from latentmotion.training.presets import preset_named
 
 
 def test_flops_of_a_linear_layer_and_of_attention() -> None:
@@ -43,7 +43,7 @@ def test_thop_sees_nothing_inside_attention() -> None:
 
 def test_parameters_are_those_of_the_paper() -> None:
     """26.38 million (mld.md §1); the authors keep positions, `mem_pos`, that nothing uses."""
-    experiment = mld_humanml3d()
+    experiment = preset_named("mld_humanml3d")
     vae, denoiser = build(experiment.vae), build(experiment.denoiser)
     assert parameters(vae) == 18_032_135
     assert 8_349_184 - parameters(denoiser) in (0, 500 * 256)
@@ -51,7 +51,7 @@ def test_parameters_are_those_of_the_paper() -> None:
 
 def test_thop_of_a_step_and_of_the_decoder_are_those_of_the_paper() -> None:
     """From table 5 (mld.md §11): 33.11 - 29.86 G for 50 steps more, two to a multiply-add."""
-    experiment = mld_humanml3d()
+    experiment = preset_named("mld_humanml3d")
     vae, denoiser = build(experiment.vae).eval(), build(experiment.denoiser).eval()
     z, mask = torch.zeros(2, 1, 256), torch.ones(2, 1, dtype=torch.bool)
     words = Conditioning(torch.zeros(2, 1, 768), mask)
@@ -96,7 +96,7 @@ def test_bytes_of_a_linear_layer_of_attention_and_of_a_convolution() -> None:
 
 
 def test_flops_of_a_layer_of_the_starters_denoiser_by_hand() -> None:
-    config, rows, tokens = starter().denoiser.transformer, 2, 37
+    config, rows, tokens = preset_named("starter").denoiser.transformer, 2, 37
     stack = encoder_stack(replace(config, layers=1, skips=False, final_norm=False)).eval()
     x = torch.ones(rows, tokens, config.width)
     # Queries, keys, values and output; both maps of the feed-forward part; scores and means.

@@ -13,7 +13,7 @@ from latentmotion.model.config import DenoiserConfig, TransformerConfig
 from latentmotion.networks.build import build
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.transformer import Dropout, NumberEmbedding, sinusoid
-from latentmotion.training.presets import mdm_denoiser
+from latentmotion.training.presets import preset_named
 
 SMALL = TransformerConfig(width=32, layers=3, heads=2, hidden=48)
 OURS = DenoiserConfig(latent_width=6, condition_width=10, transformer=SMALL, sine_width=12)
@@ -108,7 +108,7 @@ def test_the_paper_has_8_million_weights() -> None:
 
 
 def test_mdm_has_17_9_million_weights() -> None:
-    network = build(mdm_denoiser(263, condition_width=512))
+    network = build(preset_named("mdm").denoiser)
     assert sum(parameter.numel() for parameter in network.parameters()) == 17_880_327
 
 

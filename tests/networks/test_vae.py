@@ -26,7 +26,7 @@ from latentmotion.networks.vae.interface import (
     decoder_modules,
     fingerprint,
 )
-from latentmotion.training.presets import actor_vae
+from latentmotion.training.presets import preset_named
 
 FEATURES = 19
 SMALL = TransformerConfig(width=32, layers=3, heads=2, hidden=48)
@@ -207,7 +207,7 @@ def test_actor_and_vposer_t_have_the_size_of_the_authors() -> None:
     def count(network: torch.nn.Module) -> int:
         return sum(parameter.numel() for parameter in network.parameters())
 
-    assert count(build(actor_vae(150))) == 11_136_918
+    assert count(build(preset_named("mld_humanact12").vae)) == 11_136_918
     features = 196 * 263
     inner = 512 * 512 + 512
     encoder = 2 * features + features * 512 + 512 + 2 * 512 + 2 * inner + 2 * (512 * 256 + 256)

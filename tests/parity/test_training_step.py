@@ -24,7 +24,7 @@ from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.training.denoiser_loss import DenoiserObjective, denoiser_loss
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.loop import optimize
-from latentmotion.training.presets import mld_humanml3d
+from latentmotion.training.presets import preset_named
 from tests.support.golden import formula, golden_input, prefix_mask
 from tests.support.small_training import CONTEXT
 
@@ -257,7 +257,7 @@ def test_a_step_of_stage_1() -> None:
     total = losses["features"] + losses["joints"] + 1e-4 * losses["kl"]
 
     network, _ = load_vae(weights, Unstated(dropout=0.0), "drawn")
-    experiment = mld_humanml3d()
+    experiment = preset_named("mld_humanml3d")
     objective = replace(experiment.vae_objective, padded_means=True)
     found, gradients, before = step_taken(
         network,
@@ -302,7 +302,7 @@ def test_a_step_of_stage_2(predicts: str) -> None:
         lambda: {
             "total": denoiser_loss(network, latents, epsilon, t, condition, always, objective)
         },
-        mld_humanml3d().denoiser_training,
+        preset_named("mld_humanml3d").denoiser_training,
     )
     assert float(found["total"]) == pytest.approx(total.item(), rel=CLOSE)
     check_gradients(gradients, gradients_of(author, total, reading.DENOISER_IN_CONTEXT))

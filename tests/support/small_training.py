@@ -21,7 +21,7 @@ from latentmotion.training.distillation.data import (
 )
 from latentmotion.training.distributed import DistributedContext, Ranks
 from latentmotion.training.experiment import Experiment, with_changes
-from latentmotion.training.presets import PRESETS
+from latentmotion.training.presets import preset_named
 
 CONTEXT = DistributedContext(torch.device("cpu"), Ranks())
 
@@ -67,7 +67,7 @@ class LetterCount:
 
 def small(**changes: object) -> Experiment:
     every = {**CHANGES, **changes}
-    return with_changes(PRESETS["starter"](), [f"{k}={json.dumps(v)}" for k, v in every.items()])
+    return with_changes(preset_named("starter"), [f"{k}={json.dumps(v)}" for k, v in every.items()])
 
 
 def short_distillation(

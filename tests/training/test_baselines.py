@@ -20,7 +20,7 @@ from latentmotion.networks.checkpoint import load_model, load_stages
 from latentmotion.networks.vae.baselines import IdentityVAE
 from latentmotion.training.experiment import Experiment, with_changes
 from latentmotion.training.loop import ExponentialMovingAverage
-from latentmotion.training.presets import mdm, preset_named
+from latentmotion.training.presets import preset_named
 from latentmotion.training.stages import train_denoiser, train_vae
 from tests.support.small_training import CONTEXT, LetterCount, killed_at
 
@@ -122,7 +122,9 @@ def test_mdm_is_trained_and_generates_alone_as_in_a_batch(
         "denoiser.sine_width": 16,
         "denoiser_training.sample_every": 6,
     }
-    experiment = quick(mdm(steps), **changes)
+    changes |= {"denoiser_objective.schedule": {"kind": "Cosine", "length": steps}}
+    changes |= {"sampling.steps": steps}
+    experiment = quick(preset_named("mdm"), **changes)
     folder = train_denoiser(experiment, figures, None, LetterCount(), tmp_path / "run", CONTEXT)
     generator = torch_pipeline(folder, LetterCount())
     assert generator.card.sampling == Sampling(steps, 2.5, "ddpm")
@@ -142,7 +144,7 @@ def test_mld_without_vae_has_the_size_of_the_authors() -> None:
 
 def test_mdm_has_no_first_stage_to_train(figures: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--vae none"):
-        train_vae(quick(mdm()), figures, tmp_path / "run", CONTEXT)
+        train_vae(quick(preset_named("mdm")), figures, tmp_path / "run", CONTEXT)
 
 
 def test_the_graph_of_raw_frames(tmp_path: Path) -> None:

@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
-from latentmotion.data.dataset import Cropping
 from latentmotion.errors import InputError, hint
 from latentmotion.evaluation.protocol import Protocol, Repeats
-from latentmotion.training.experiment import Experiment, TrainingSettings, with_changes
+from latentmotion.training.experiment import Experiment, with_changes
 
 Change = Callable[[Experiment], Experiment]
 """An experiment to a changed one."""
@@ -22,12 +20,21 @@ Change = Callable[[Experiment], Experiment]
 
 @dataclass(frozen=True)
 class Adjustment:
-    """A change that the pages of tables mention."""
+    """Settings that the pages of tables mention."""
 
-    says: str
-    """Description of the change."""
-    change: Change
-    """The change."""
+    settings: Sequence[str]
+    """Each `part.key=value`, as on the command line."""
+    described: str = ""
+    """Description; by default the settings themselves."""
+
+    @property
+    def says(self) -> str:
+        """Description of the change."""
+        return self.described or ", ".join(self.settings)
+
+    def change(self, experiment: Experiment) -> Experiment:
+        """Returns the experiment with these settings."""
+        return with_changes(experiment, self.settings)
 
 
 @dataclass(frozen=True)
@@ -73,7 +80,7 @@ class Budget:
         """
         if not settings:
             return self
-        return self._adjusted(Adjustment(", ".join(settings), lambda e: with_changes(e, settings)))
+        return self._adjusted(Adjustment(settings))
 
     def _adjusted(self, by: Adjustment) -> Budget:
         says = f"{self.says}; changed: {by.says}"
@@ -105,64 +112,20 @@ class Budget:
 
 def short_training(experiment: Experiment) -> Experiment:
     """Crops motions to 64 frames, and trains both stages for some thousand steps."""
-
-    def crop(cropping: Cropping) -> Cropping:
-        return replace(cropping, max_frames=64, min_frames=16)
-
-    def train(settings: TrainingSettings, steps: int, snapshot_every: int) -> TrainingSettings:
-        return replace(
-            settings,
-            steps=steps,
-            learning_rate=5e-4,
-            warm_up=200,
-            schedule="cosine",
-            gradient_clip=1.0,
-            ema_decay=0.999,
-            report_every=100,
-            validate_every=500,
-            snapshot_every=snapshot_every,
-            sample_every=0,
-        )
-
-    vae_training = train(experiment.vae_training, steps=2_500, snapshot_every=100)
-    return replace(
-        experiment,
-        vae_cropping=crop(experiment.vae_cropping),
-        vae_training=replace(vae_training, batch_size=32, precision="bfloat16"),
-        latents=replace(
-            experiment.latents,
-            cropping=crop(experiment.latents.cropping),
-            per_item=experiment.latents.per_item or 4,
-        ),
-        denoiser_training=train(experiment.denoiser_training, steps=4_000, snapshot_every=500),
-    )
-
-
-def short_raw_training(experiment: Experiment) -> Experiment:
-    """Trains diffusion on raw frames for 2,500 steps of 32."""
-    training = replace(experiment.denoiser_training, steps=2_500, batch_size=32)
-    return replace(experiment, denoiser_training=training)
-
-
-def denoiser_training(says: str, **settings: Any) -> Adjustment:
-    """Returns the change of settings of the denoiser's training."""
-    return Adjustment(
-        says,
-        lambda e: replace(e, denoiser_training=replace(e.denoiser_training, **settings)),
-    )
-
-
-def short_flow_training(experiment: Experiment) -> Experiment:
-    """Trains the denoiser for 700 steps of 32."""
-    training = replace(
-        experiment.denoiser_training, steps=700, batch_size=32, learning_rate=1e-3, warm_up=100
-    )
-    return replace(experiment, denoiser_training=training)
-
-
-def short_vae_training(experiment: Experiment) -> Experiment:
-    """Trains the VAE for 1,000 steps."""
-    return replace(experiment, vae_training=replace(experiment.vae_training, steps=1_000))
+    common = """
+        learning_rate=5e-4 warm_up=200 schedule=cosine gradient_clip=1.0 ema_decay=0.999
+        report_every=100 validate_every=500 sample_every=0
+    """
+    settings = [
+        f"{stage}_training.{text}" for stage in ("vae", "denoiser") for text in common.split()
+    ]
+    for cropping in ("vae_cropping", "latents.cropping"):
+        settings += [f"{cropping}.max_frames=64", f"{cropping}.min_frames=16"]
+    settings += ["vae_training.steps=2500", "vae_training.snapshot_every=100"]
+    settings += ["vae_training.batch_size=32", "vae_training.precision=bfloat16"]
+    settings += ["denoiser_training.steps=4000", "denoiser_training.snapshot_every=500"]
+    settings += [f"latents.per_item={experiment.latents.per_item or 4}"]
+    return with_changes(experiment, settings)
 
 
 PAPER = Budget("paper", "sizes and steps of the paper")
@@ -174,24 +137,26 @@ SMALL = Budget(
     "4,000 steps of 64; on raw frames: 2,500 steps of 32; rates fall from 5e-4 as a cosine, "
     "weights are averaged",
     change=short_training,
-    raw=short_raw_training,
+    raw=Adjustment(("denoiser_training.steps=2500", "denoiser_training.batch_size=32")).change,
     width=128,
     # ACTOR's 6, MDM's 8 and the 15 layers of actions become 7, as MLD's 9 do.
     layers={5: 3, 6: 7, 7: 5, 8: 7, 9: 7, 11: 9, 15: 7},
     of_tables=dict.fromkeys(
         ("fast", "fast_vae"),
         Adjustment(
-            "denoiser_training.steps=700, denoiser_training.batch_size=32, "
-            "denoiser_training.learning_rate=1e-3, denoiser_training.warm_up=100",
-            short_flow_training,
+            (
+                "denoiser_training.steps=700",
+                "denoiser_training.batch_size=32",
+                "denoiser_training.learning_rate=1e-3",
+                "denoiser_training.warm_up=100",
+            )
         ),
     ),
     of_models={
-        **dict.fromkeys(
-            ("narrow_16x16", "narrow_16x32"),
-            Adjustment("vae_training.steps=1000", short_vae_training),
+        **dict.fromkeys(("narrow_16x16", "narrow_16x32"), Adjustment(("vae_training.steps=1000",))),
+        "mld_1_longer": Adjustment(
+            ("denoiser_training.steps=16000",), "16,000 steps of the denoiser"
         ),
-        "mld_1_longer": denoiser_training("16,000 steps of the denoiser", steps=16_000),
     },
     max_frames=64,
     replications=5,
