@@ -10,9 +10,8 @@ import numpy as np
 from latentmotion.data.clip import Source, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.quality import find_glitch
-from latentmotion.data.readme import README, readme
 from latentmotion.data.recording import Dropped, EncodedRecording, Recording
-from latentmotion.data.report import REPORT, Report, parts_of, read_report
+from latentmotion.data.report import README, REPORT, Report, parts_of, read_report, readme
 from latentmotion.data.store import (
     Manifest,
     StoredClip,

@@ -9,9 +9,14 @@ from pathlib import Path
 from latentmotion.data.recording import Dropped
 from latentmotion.data.store import Manifest, StoredClip
 from latentmotion.storage.configuration import read_json
+from latentmotion.storage.provenance import PIPELINE, front_matter, license_fields
 
 REPORT = "report.json"
 """File of a prepared folder that holds its report."""
+
+README = "README.md"
+
+_SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 
 @dataclass(frozen=True)
@@ -91,3 +96,56 @@ def read_report(folder: Path) -> Report | None:
     """
     path = folder / REPORT
     return read_json(Report, path) if path.is_file() else None
+
+
+def readme(manifest: Manifest, parts: tuple[Part, ...], title: str) -> str:
+    """Returns the folder's page on the Hugging Face Hub, with the YAML that the hub reads.
+
+    Args:
+        manifest: Manifest of the folder.
+        parts: Counts by source and split.
+        title: Name of the data set.
+    """
+    clips = sum(part.clips for part in parts)
+    captions = sum(part.captions for part in parts)
+    head = {
+        **license_fields(source.license for source in manifest.sources),
+        "pretty_name": title,
+        "language": ["en"] if captions else None,
+        "task_categories": [PIPELINE] if captions else None,
+        "size_categories": [next((name for most, name in _SIZES if clips < most), "1M<n<10M")],
+        "tags": ["latentmotion", "motion", "motion-capture"],
+    }
+    rows = [
+        f"| {part.source} | {part.split} | {part.clips} | {part.captions} | {part.hours:g} |"
+        for part in parts
+    ]
+    sources = [
+        f"* **{source.name}**: {source.license}. {source.credit} {source.url}".rstrip()
+        for source in manifest.sources
+    ]
+    lines = [
+        front_matter(head),
+        f"# {title}",
+        "",
+        f"{clips} clips of one person as {manifest.representation} features, {manifest.fps:g} "
+        f"frames a second, with {captions} captions; mirrored copies are made when they are read.",
+        "",
+        "```python",
+        "from latentmotion import Dataset",
+        "",
+        'dataset = Dataset.load("FOLDER")',
+        "```",
+        "",
+        "| source | split | clips | captions | hours |",
+        "|---|---|---|---|---|",
+        *rows,
+        "",
+        "## Sources and terms",
+        "",
+        *sources,
+        "",
+        "What was left out, and why, is in `report.json`.",
+        "",
+    ]
+    return "\n".join(lines)

@@ -17,7 +17,7 @@ import numpy as np
 from latentmotion.condition.task import TaskName
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
-from latentmotion.evaluation.candidates import Candidate, Generated, Motions, Prior, Reconstructed
+from latentmotion.evaluation.candidates import Candidate, Generated, Motions
 from latentmotion.evaluation.embedding_scores import (
     EmbeddingCache,
     Embeddings,
@@ -40,41 +40,18 @@ from latentmotion.evaluation.position_scores import PositionScores
 from latentmotion.evaluation.protocol import (
     CLEAN,
     HELD,
-    PAPER,
-    PROTOCOLS,
     Lengths,
     Protocol,
-    Repeats,
     Replication,
     TestSet,
 )
-from latentmotion.evaluation.report import GROUND_TRUTH, UNITS, Figure, Report, provenance_of
+from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report, provenance_of
 from latentmotion.plugins import plugins
 from latentmotion.progress import counted
 from latentmotion.storage.address import Folder
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.reading import parse_json
 from latentmotion.storage.shards import Manifest, Run, ShardContent, Work
-
-__all__ = [
-    "CLEAN",
-    "GROUND_TRUTH",
-    "PAPER",
-    "PROTOCOLS",
-    "UNITS",
-    "Candidate",
-    "Comparison",
-    "Figure",
-    "Generated",
-    "Prior",
-    "Protocol",
-    "Reconstructed",
-    "Repeats",
-    "Report",
-    "build_test_set",
-    "compare",
-    "evaluate",
-]
 
 
 def evaluate(

@@ -30,7 +30,6 @@ from latentmotion.evaluation.evaluators.action_networks import (
     TemporalClassifier,
     TemporalClassifierConfig,
 )
-from latentmotion.motion import Motion
 from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.files import atomic_file
 from latentmotion.storage.provenance import command_line
@@ -150,10 +149,6 @@ class ClassifierStage(Stage[TemporalClassifier]):
                 save_file(tensors, temporary, {"loss": repr(loss)})
         accuracy = float((logits.argmax(1) == targets).float().mean())
         return {"loss": loss, "accuracy": accuracy}
-
-    def sample(self, network: TemporalClassifier) -> list[Motion]:
-        """A classifier makes no motions."""
-        return []
 
     def _logits(
         self, network: TemporalClassifier, features: torch.Tensor, mask: torch.Tensor

@@ -34,7 +34,6 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
     top_hits,
 )
 from latentmotion.evaluation.evaluators.words import GloveWords, Sentences, WordVectors
-from latentmotion.motion import Motion
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.hard_negatives import HardBatchSampler, HardNegatives
@@ -207,10 +206,6 @@ class EvaluatorStage(Stage[Networks]):
         names = ("loss", "top_1", "top_2", "top_3")
         means = np.mean(figures, axis=0).tolist() if figures else ()
         return {**dict(zip(names, means, strict=False)), **self._sides(network)}
-
-    def sample(self, network: Networks) -> list[Motion]:
-        """Nothing: an evaluator makes no motions."""
-        return []
 
     def _sides(self, network: Networks) -> dict[str, float]:
         """Returns how often a caption with a side is nearer than with left and right swapped."""

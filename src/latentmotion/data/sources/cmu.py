@@ -8,7 +8,7 @@ AMC files do not state the native frame rate: it is 120, and 60 for a list of tr
 
 Six trials have labels of exercises, ten a second, by Fox and Hughes (BSD 2-clause): a file
 `mocap6_labels/SS_TT.txt` holds a number for each tenth of a second, from 1, in the order of
-`EXERCISES`. Where HumanML3D has captions of the same trials, they name the same exercises.
+`labels.toml`. Where HumanML3D has captions of the same trials, they name the same exercises.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ from latentmotion.data.recording import (
     joints_at,
 )
 from latentmotion.data.segments import pieces, touching
+from latentmotion.data.sources import LABELS
 from latentmotion.data.sources.humanml3d import (
     IndexRow,
     read_index,
@@ -69,13 +70,7 @@ CMU = Source(
 Value = TypeVar("Value")
 
 USUAL_RATE, SLOW_RATE = 120.0, 60.0
-"""Native frames per second of most trials, and of those that are listed here."""
-
-_SLOW_SUBJECTS = frozenset(
-    (60, 61, 62, 74, 75, 77, 79, 80, 84, 88, 93, 103, 106, 107, 115, 139, 141, 143)
-)
-_SLOW_TRIALS = frozenset(("89_01", "90_08", "90_11"))
-_FAST_TRIALS = frozenset(("74_09", "77_21", "77_28", "84_09", "88_03", "139_21"))
+"""Native frames per second of most trials, and of those that `labels.toml` lists."""
 
 _STATED_RATE = 120.0
 """Rate that conversions to BVH write into the file, whatever the trial's own."""
@@ -85,22 +80,6 @@ SHORTEST = 40
 
 _TRIAL = re.compile(r"(\d+)_(\d+)", re.ASCII)
 _HUMANML3D_PATH = re.compile(r"/CMU/(?P<folder>[^/]+)/(?P<trial>\d+_\d+)_poses\.npy$")
-
-EXERCISES = (
-    "does jumping jacks",
-    "jogs in place",
-    "does squats",
-    "raises the knees to the elbows in turn",
-    "circles both arms",
-    "twists the upper body from side to side",
-    "reaches up to the sides in turn",
-    "boxes, punching the air",
-    "squats down and gets up again",
-    "bends down and touches the toes with one hand",
-    "bends the upper body from side to side",
-    "bends down and touches the toes with both hands",
-)
-"""What the person does, in the order of the labels' numbers."""
 
 _LABEL_FOLDER, _LABEL_RATE = "mocap6_labels", 10
 
@@ -284,8 +263,10 @@ def trial_of(path: str) -> str | None:
 
 def native_fps(trial: str) -> float:
     """Returns the native frames per second of a trial such as `05_18`."""
-    is_slow = int(trial.split("_")[0]) in _SLOW_SUBJECTS and trial not in _FAST_TRIALS
-    return SLOW_RATE if is_slow or trial in _SLOW_TRIALS else USUAL_RATE
+    known = LABELS["cmu"]
+    is_slow = int(trial.split("_")[0]) in known["slow_subjects"]
+    is_slow = (is_slow and trial not in known["fast_trials"]) or trial in known["slow_trials"]
+    return SLOW_RATE if is_slow else USUAL_RATE
 
 
 def trial_joints(
@@ -344,7 +325,7 @@ def read_exercises(folder: Path, fps: int) -> dict[str, list[tuple[int, int, str
     Raises:
         FileFormatError: A file holds something else.
     """
-    texts = {str(number): text for number, text in enumerate(EXERCISES, 1)}
+    texts = {str(number): text for number, text in enumerate(LABELS["cmu"]["exercises"], 1)}
     exercises: dict[str, list[tuple[int, int, str]]] = {}
     for path in files_below(folder, [".txt"]):
         if path.parent.name != _LABEL_FOLDER:

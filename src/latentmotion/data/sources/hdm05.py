@@ -24,6 +24,7 @@ from latentmotion.data.recording import (
     in_groups,
     joints_at,
 )
+from latentmotion.data.sources import LABELS
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.progress import counted
@@ -54,94 +55,8 @@ class ActionClass:
 
 
 CLASSES = {
-    "depositFloorR": ActionClass(
-        "depositFloorL",
-        (
-            "a person bends down and puts something on the floor with the right hand.",
-            "someone leans over, places an object on the ground with their right hand and rises.",
-            "a person reaches down to the floor with their right arm, then stands up again.",
-        ),
-    ),
-    "elbowToKnee1RepsLelbowStart": ActionClass(
-        "elbowToKnee1RepsRelbowStart",
-        (
-            "a person touches the right knee with the left elbow.",
-            "someone lifts the right knee and brings the left elbow down to it.",
-            "a standing person does one crunch, left elbow to right knee.",
-        ),
-    ),
-    "grabHighR": ActionClass(
-        "grabHighL",
-        (
-            "a person reaches up high and grabs something with the right hand.",
-            "someone stretches the right arm up to take an object from a high shelf.",
-            "a person raises their right hand above the head, grabs something and lowers the arm.",
-        ),
-    ),
-    "hopBothLegs1hops": ActionClass(
-        "hopBothLegs1hops",
-        (
-            "a person hops forward once on both legs.",
-            "someone makes one short jump with both feet.",
-            "a person jumps forward with both feet together.",
-        ),
-    ),
-    "jogLeftCircle4StepsRstart": ActionClass(
-        "jogRightCircle4StepsLstart",
-        (
-            "a person jogs along a curve to the left.",
-            "someone runs slowly in a circle to the left.",
-            "a person jogs four steps in a counterclockwise circle.",
-        ),
-    ),
-    "kickLFront1Reps": ActionClass(
-        "kickRFront1Reps",
-        (
-            "a person kicks forward with the left foot.",
-            "someone does a front kick with their left leg.",
-            "a person lifts the left leg and kicks something in front of them.",
-        ),
-    ),
-    "lieDownFloor": ActionClass(
-        "lieDownFloor",
-        (
-            "a person lies down on the floor.",
-            "someone gets down to the ground and lies on it.",
-            "a standing person lowers themselves to the floor and lies down.",
-        ),
-    ),
-    "rotateArmsBothBackward1Reps": ActionClass(
-        "rotateArmsBothBackward1Reps",
-        (
-            "a person rotates both arms backward once.",
-            "someone swings both straight arms backwards in a big circle.",
-            "a person circles both arms back around the shoulders.",
-        ),
-    ),
-    "sneak2StepsLStart": ActionClass(
-        "sneak2StepsRStart",
-        (
-            "a person sneaks forward, starting with the left foot.",
-            "someone creeps forward carefully with two slow steps, left foot first.",
-            "a person tiptoes forward quietly in a crouch.",
-        ),
-    ),
-    "squat1Reps": ActionClass(
-        "squat1Reps",
-        (
-            "a person squats down and stands up again.",
-            "someone does one squat with the arms held out.",
-            "a person bends the knees deeply, then straightens up.",
-        ),
-    ),
-    "throwBasketball": ActionClass(
-        "throwBasketball",
-        (
-            "a person throws a basketball.",
-            "someone shoots a basketball up at the hoop.",
-            "a person pushes a ball up and forward over the head.",
-        ),
-    ),
+    name: ActionClass(row.get("mirrored", name), tuple(row["sentences"]))
+    for name, row in LABELS["hdm05"].items()
 }
 """The classes whose clips are known to be here; clips of other classes get their label only."""
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -34,6 +34,7 @@ from latentmotion.data.held_out import pieces_of, split_of
 from latentmotion.data.quality import find_glitch, without_t_poses
 from latentmotion.data.recording import FPS, Dropped, Label, Recording, files_below, joints_at
 from latentmotion.data.segments import LONGEST, pieces, touching
+from latentmotion.data.sources import LABELS
 from latentmotion.data.sources.evidence import floor_of, shows
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
@@ -61,42 +62,6 @@ _MOST_ACTIONS = 4
 _PERSON = re.compile(r"(?P<take>\w+_\d+_\d+)_\d+$")
 _PREFIX = re.compile(r"^(\d__|multi__)?(SSBoxerMan__|hys_|mmk_)?")
 _RATE = re.compile(rb":SAMPLES-PER-SECOND\s+(\d+)")
-
-ACTIONS: Mapping[str, str] = {
-    "block": "raises the arms to block a shot",
-    "bs": "spins around and kicks backward",
-    "catch": "catches a ball with both hands",
-    "dribble": "dribbles a basketball",
-    "fake_shoot": "fakes a basketball shot",
-    "fake_shot": "fakes a basketball shot",
-    "feint_l": "feints to the left with a basketball",
-    "feint_r": "feints to the right with a basketball",
-    "hold": "holds a basketball",
-    "idle": "stands still",
-    "jbs": "jumps, spins around in the air and kicks backward",
-    "jd": "leaps into a butterfly kick, spinning through the air with the body level",
-    "jk": "jumps and kicks",
-    "mark": "guards an opponent in basketball, moving with bent knees",
-    "pass": "passes a basketball",
-    "pass'": "catches a pass",
-    "pass_long": "throws a long pass over the head",
-    "pickup": "picks a basketball up from the floor",
-    "pivot_l": "pivots on one foot with a basketball",
-    "pivot_r": "pivots on one foot with a basketball",
-    "run": "runs",
-    "screen": "stands in an opponent's way to set a screen",
-    "screen'": "runs into a screen",
-    "shoot": "jumps and shoots a basketball at the hoop",
-    "shoot_near": "runs up, jumps and shoots a basketball from close to the hoop",
-    "walk": "walks",
-}
-"""Sentences of the annotators' words."""
-
-_PACES = {
-    **{"VFast": "very fast", "Fast": "fast", "Slow": "slowly", "Normal": ""},
-    **{"_fast": "fast", "_slow": "slowly", "_normal": "", "slow": "slowly"},
-    **{"very_fast": "very fast", "very_slow": "very slowly", "sssslow": "very slowly"},
-}
 
 Joints = Float[np.ndarray, "frames joints 3"]
 
@@ -217,7 +182,8 @@ def recording_of(stem: str) -> str:
 
 def sentences_of(actions: Sequence[str]) -> tuple[str, ...]:
     """Returns sentences for actions in this order; none for more than four, or unknown ones."""
-    phrases = [phrase for phrase, _ in groupby(ACTIONS.get(action, "") for action in actions)]
+    known = LABELS["snu"]["actions"]
+    phrases = [phrase for phrase, _ in groupby(known.get(action, "") for action in actions)]
     if not phrases or "" in phrases or len(phrases) > _MOST_ACTIONS:
         return ()
     text = ", then ".join(phrases)
@@ -236,7 +202,8 @@ def sentences_for(name: str, joints: Joints, floor: float, whole: bool) -> tuple
     for naming in namings():
         if match := naming.pattern.fullmatch(name):
             groups = {key: text or "" for key, text in match.groupdict().items()}
-            words = {key: _PACES.get(text, text) for key, text in groups.items()}
+            paces = LABELS["snu"]["paces"]
+            words = {key: paces.get(text, text) for key, text in groups.items()}
             if shows(naming.needs.format(**words), joints, floor, whole):
                 # A word that is empty takes its space along.
                 filled = (" ".join(text.format(**words).split()) for text in naming.sentences)

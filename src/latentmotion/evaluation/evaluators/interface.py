@@ -19,6 +19,7 @@ from latentmotion.data.clip import Caption
 from latentmotion.errors import FileFormatError, ModelError
 from latentmotion.model.card import SHIPPED
 from latentmotion.ranking.scorer import CARD_FILE as SCORER_FILE
+from latentmotion.ranking.scorer import Scorer
 from latentmotion.storage.reading import read_json_file
 
 EVALUATOR_FILE = "evaluator.json"
@@ -29,13 +30,11 @@ WEIGHTS_FILE = "weights.safetensors"
 SCORER = Path("scorer")
 """Name of the scorer that ships, among the models."""
 
-_ROOM = "latentmotion.evaluation.evaluators"
-
 LOADERS = {
-    "text_motion": f"{_ROOM}.text_motion:load_text_motion",
-    "action": f"{_ROOM}.action:load_action_classifier",
+    "text_motion": "text_motion:load_text_motion",
+    "action": "action:load_action_classifier",
 }
-"""`module:function` that reads a folder, by kind."""
+"""`module:function` of this package that reads a folder, by kind."""
 
 
 @runtime_checkable
@@ -96,6 +95,37 @@ Evaluator = TextMotionEvaluator | ActionEvaluator
 """An evaluator of either kind."""
 
 
+@dataclass(frozen=True)
+class ScorerEvaluator:
+    """The towers of a scorer as a text-motion evaluator: unit vectors.
+
+    A scorer that chose among a model's takes, or that a model was trained by, is no judge of it.
+    """
+
+    scorer: Scorer
+    """The towers."""
+
+    @property
+    def width(self) -> int:
+        """Numbers per vector."""
+        return self.scorer.card.width
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of weights and statistics."""
+        return self.scorer.card.fingerprint
+
+    def motions(
+        self, features: Sequence[Float[np.ndarray, "_ features"]]
+    ) -> Float[np.ndarray, "items width"]:
+        """Returns the vectors of motions, given in their own units."""
+        return self.scorer.embed(features)
+
+    def texts(self, captions: Sequence[Caption]) -> Float[np.ndarray, "items width"]:
+        """Returns the vectors of captions."""
+        return self.scorer.texts([caption.text for caption in captions])
+
+
 def load_evaluator(folder: Path) -> Evaluator:
     """Reads an evaluator folder, that of the run which made one, or a scorer's.
 
@@ -107,7 +137,7 @@ def load_evaluator(folder: Path) -> Evaluator:
     """
     folder = SHIPPED / folder if folder == SCORER and not folder.exists() else folder
     if (folder / SCORER_FILE).is_file():
-        return import_module(f"{_ROOM}.scorer").load_scorer(folder)
+        return ScorerEvaluator(Scorer.load(folder))
     inside = folder / "model"  # where a training run puts it
     folder = inside if (inside / EVALUATOR_FILE).is_file() else folder
     kind = evaluator_kind(folder)
@@ -117,7 +147,7 @@ def load_evaluator(folder: Path) -> Evaluator:
             "update latentmotion"
         )
     module, _, function = LOADERS[kind].partition(":")
-    return getattr(import_module(module), function)(Path(folder))
+    return getattr(import_module(f"{__package__}.{module}"), function)(Path(folder))
 
 
 def evaluator_kind(folder: Path) -> str:

@@ -30,7 +30,6 @@ from tokenizers import Tokenizer
 
 from latentmotion.errors import DataError
 from latentmotion.export.text_encoder import export_student
-from latentmotion.motion import Motion
 from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
 from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, teacher_state
 from latentmotion.storage.files import atomic_file
@@ -133,10 +132,6 @@ class TextEncoderStage(Stage[StudentNetwork]):
         pooled = [network(tokens.to(device), mask.to(device))[0] for tokens, mask in batches]
         figures = text_data.compare(torch.cat(pooled).cpu().numpy(), self._held_out.pooled)
         return {k: v for k, v in dataclasses.asdict(figures).items() if k != "sentences"}
-
-    def sample(self, network: StudentNetwork) -> list[Motion]:
-        """Nothing: a text encoder makes no motions."""
-        return []
 
 
 @dataclass(frozen=True)
