@@ -94,13 +94,13 @@ class BulkGeneration:
             InputError: A length is out of the model's range.
         """
         card, fps = pipeline.card, pipeline.representation.fps
-        given = [self.seconds if row.seconds is None else row.seconds for row in rows]
-        free = [row.prompt for row, seconds in zip(rows, given, strict=True) if seconds is None]
+        lengths = [self.seconds if row.seconds is None else row.seconds for row in rows]
+        free = [row.prompt for row, seconds in zip(rows, lengths, strict=True) if seconds is None]
         predicted = pipeline.usual_seconds(free)
         usual = iter(requests.frames_of(card, None, len(free), fps, predicted))
         frames = [
             next(usual) if seconds is None else requests.frames_of(card, seconds, 1, fps)[0]
-            for seconds in given
+            for seconds in lengths
         ]
         requests.check_frames(card, frames, fps)
         return frames
@@ -219,7 +219,10 @@ def make_shard(generation: BulkGeneration, rows: Sequence[Row]) -> ShardContent:
     }
     wrong = tuple(Wrong(line, problem) for line, problem in problems.items() if problem)
     if generation.format in ONE_EACH:
-        files = dict(_file_of(generation, *one) for one in zip(good, motions, strict=True))
+        files = dict(
+            _file_of(generation, *row_and_motion)
+            for row_and_motion in zip(good, motions, strict=True)
+        )
         return ShardContent(_table(files, good, motions), len(good), wrong, files)
     none = np.zeros((0, len(space.skeleton), 3), np.float32)
     joints = np.concatenate([none, *(motion.joints for motion in motions)])

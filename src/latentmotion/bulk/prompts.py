@@ -47,8 +47,8 @@ def read_rows(path: Path, seed: int = 0) -> list[Row]:
         MissingExtraError: It is Parquet and pyarrow is not installed.
     """
     readers = {".csv": _csv, ".parquet": _parquet}
-    found = readers.get(path.suffix.lower(), _lines)(path)
-    rows = [_row(line, cells, seed + number) for number, (line, cells) in enumerate(found)]
+    read = readers.get(path.suffix.lower(), _lines)(path)
+    rows = [_row(line, cells, seed + number) for number, (line, cells) in enumerate(read)]
     if not rows:
         raise InputError(f"{path} holds no prompt; expected one per line")
     if len(rows) > limits.MOST_PROMPTS:
@@ -72,15 +72,15 @@ def _parquet(path: Path) -> Iterable[tuple[int, dict[str, Any]]]:
         raise MissingExtraError(f"reading {path}", "pyarrow", "bulk") from error
     try:
         with parquet.ParquetFile(path) as file:
-            count, found = file.metadata.num_rows, file.schema_arrow.names
-            if "prompt" not in found:
-                raise FileFormatError(path, f"lacks the column prompt; found {', '.join(found)}")
+            count, columns = file.metadata.num_rows, file.schema_arrow.names
+            if "prompt" not in columns:
+                raise FileFormatError(path, f"lacks the column prompt; found {', '.join(columns)}")
             kind = file.schema_arrow.field("prompt").type
             if not (types.is_string(kind) or types.is_large_string(kind)):
                 raise FileFormatError(path, f"the column prompt holds {kind}, expected text")
             if count > limits.MOST_PROMPTS:
                 raise FileFormatError(path, _too_many(count))
-            table = file.read([name for name in COLUMNS if name in found])
+            table = file.read([name for name in COLUMNS if name in columns])
     except (OSError, ArrowException) as error:
         raise FileFormatError(
             path, f"cannot be read as Parquet, write it again: {error!s:.300}"
@@ -91,7 +91,7 @@ def _parquet(path: Path) -> Iterable[tuple[int, dict[str, Any]]]:
 def _row(line: int, cells: dict[str, Any], seed: int) -> Row:
     prompt, problem = str(cells["prompt"] or "").strip(), ""
     seconds = cells.get("seconds")
-    given = cells.get("seed")
+    seed_text = cells.get("seed")
     if len(prompt) > limits.MOST_PROMPT:
         problem = f"{len(prompt):,} characters, expected at most {limits.MOST_PROMPT:,}"
         prompt = prompt[: limits.MOST_PROMPT]
@@ -102,11 +102,11 @@ def _row(line: int, cells: dict[str, Any], seed: int) -> Row:
     except (TypeError, ValueError):
         problem, seconds = f"{seconds!r:.80} seconds: expected a number", None
     try:
-        seed = seed if given in (None, "") else int(given)
-        if not 0 <= seed < 2**63 or (isinstance(given, float) and seed != given):
+        seed = seed if seed_text in (None, "") else int(seed_text)
+        if not 0 <= seed < 2**63 or (isinstance(seed_text, float) and seed != seed_text):
             raise ValueError
     except (TypeError, ValueError, OverflowError):
-        problem = f"seed {given!r:.80}: expected a whole number from 0 up, below 2^63"
+        problem = f"seed {seed_text!r:.80}: expected a whole number from 0 up, below 2^63"
     return Row(line, prompt, seed, seconds, problem)
 
 

@@ -40,17 +40,17 @@ def join_runs(table: Table, folders: Sequence[Path], output: Path) -> Path:
             than the seed.
     """
     results = [read_json(TableResult, folder / f"{table.name}.json") for folder in folders]
-    made = [row.made for result in results for row in result.rows]
-    if len({(one["data"], one["protocol"]) for one in made}) != 1:
+    settings = [row.made for result in results for row in result.rows]
+    if len({(run["data"], run["protocol"]) for run in settings}) != 1:
         raise InputError(
             f"{table.name}: the runs in {', '.join(map(str, folders))} differ in data or protocol; "
             "join runs that differ in seed, evaluator or lengths of training"
         )
-    says = _without_seed(made[0]["budget"])
+    says = _without_seed(settings[0]["budget"])
     evaluators = dict.fromkeys(result.rows[0].made["evaluator"] for result in results)
     pages = []
     for number, evaluator in enumerate(evaluators, start=1):
-        theirs = [one for one in results if one.rows[0].made["evaluator"] == evaluator]
+        theirs = [run for run in results if run.rows[0].made["evaluator"] == evaluator]
         name = table.name if number == 1 else f"{table.name}_{number}"
         pages.append(replace(theirs[0], table=name, rows=_joined_rows(table, theirs, says)))
     output.mkdir(parents=True, exist_ok=True)
@@ -101,12 +101,14 @@ def interval(values: Sequence[float]) -> float | None:
 def _joined_rows(table: Table, results: Sequence[TableResult], says: str) -> tuple[RowResult, ...]:
     measured = [row for result in results for row in result.rows]
     kinds = {row.name: row.motions for row in table.rows}
-    named = [[one for one in measured if one.row == name] for name in kinds]
+    named = [
+        [measured_row for measured_row in measured if measured_row.row == name] for name in kinds
+    ]
     joined = []
     for rows in filter(None, named):
         row = joined_row(rows)
-        budgets = {_without_seed(one.made["budget"]) for one in rows}
-        if len(budgets) > 1 and len({one.weights for one in rows}) > 1:
+        budgets = {_without_seed(measured_row.made["budget"]) for measured_row in rows}
+        if len(budgets) > 1 and len({measured_row.weights for measured_row in rows}) > 1:
             raise InputError(
                 f"{table.name}/{row.row} was trained in {len(budgets)} ways: "
                 f"{' / '.join(sorted(budgets))}; join runs of one"

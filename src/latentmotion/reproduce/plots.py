@@ -252,8 +252,8 @@ CLEAN = -1.0
 
 def draw_latents(generator: MotionPipeline, path: Path) -> dict[str, Figure]:
     """Draws the maps of a model of actions; returns the silhouettes of noise and latents."""
-    known = generator.card.condition.known_prompts
-    labels = [label for label in known for _ in range(PER_LABEL)]
+    actions = generator.card.condition.known_prompts
+    labels = [label for label in actions for _ in range(PER_LABEL)]
     states = latents_along(generator, labels, min(FRAMES, generator.card.frames[1]))
     names = {t: f"t = {t:g}" for t, _ in states} | {CLEAN: "z₀"}
     latent_maps(path, {names[t]: map_of(z) for t, z in chosen(states)}, labels)

@@ -110,10 +110,10 @@ class TableRunner:
             ]
             if len(clips) < 2:
                 needs = {"text": "captions", "action": "a label"}
-                wanted = " and ".join(needs[task] for task in sorted(tasks) if task in needs)
+                lacking = " and ".join(needs[task] for task in sorted(tasks) if task in needs)
                 raise DataError(
                     f"{table.name} is measured on the split {split}: {dataset.folder} has "
-                    f"{len(clips)} clips with {wanted or 'motion'} there, expected at least 2"
+                    f"{len(clips)} clips with {lacking or 'motion'} there, expected at least 2"
                 )
 
     def row(self, row: Row) -> RowResult:
@@ -123,9 +123,9 @@ class TableRunner:
         path = self.work.folder / self.table.name / f"{row.name}.json"
         key = self._key(row, folder, protocol)
         if path.is_file():
-            kept = read_json(RowResult, path)
-            if (kept.key, kept.made) == (key, self.made):
-                return kept
+            earlier = read_json(RowResult, path)
+            if (earlier.key, earlier.made) == (key, self.made):
+                return earlier
         self.work.tell(f"{self.table.name}/{row.name}: measuring {folder}")
         # Latents are drawn along the reverse process, which needs no replications.
         if folder is not None and row.motions == "latents":
@@ -180,14 +180,16 @@ class TableRunner:
         table, work, protocol = self.table, self.work, self.protocol
         folder = work.folder / table.name
         paths = {row.name: folder / f"{row.name}.json" for row in table.rows}
-        kept = {name: read_json(RowResult, path) for name, path in paths.items() if path.is_file()}
-        kept = {name: row for name, row in kept.items() if row.made == self.made}
+        measured = {
+            name: read_json(RowResult, path) for name, path in paths.items() if path.is_file()
+        }
+        measured = {name: row for name, row in measured.items() if row.made == self.made}
         real = next((row.name for row in table.rows if row.motions == "real"), None)
-        first = next((row for name, row in kept.items() if name != real), None)
+        first = next((row for name, row in measured.items() if name != real), None)
         if real and first:
             # The row of the real motions is the ground truth of the first other row.
             row = replace(first, row=real, figures=first.truth, weights="", warnings=())
-            kept |= {real: row}
+            measured |= {real: row}
         evaluator = self.evaluator.fingerprint[:12] if self.evaluator else "none"
         return TableResult(
             table=table.name,
@@ -196,7 +198,7 @@ class TableRunner:
             protocol=f"{protocol.name}, split {' and '.join(self.splits)}, "
             f"{protocol.replications} "
             f"repetitions, evaluator {evaluator}",
-            rows=tuple(kept[row.name] for row in table.rows if row.name in kept),
+            rows=tuple(measured[row.name] for row in table.rows if row.name in measured),
         )
 
     def _encoder(self, row: Row) -> TextEncoder | None:
@@ -269,8 +271,8 @@ class TableRunner:
         if vae:
             training = read_run(Run, vae).experiment.vae_training
             steps = read_progress(vae).step or training.steps
-            taken = f"{steps:,} steps of {training.batch_size}, {training.schedule} rate"
-            warnings.append(f"its VAE was taken as it was: {taken}")
+            recipe = f"{steps:,} steps of {training.batch_size}, {training.schedule} rate"
+            warnings.append(f"its VAE was taken as it was: {recipe}")
         return RowResult(
             row=row.name,
             key=key,
@@ -295,8 +297,8 @@ class TableRunner:
         report = reports[self.splits[-1]]
         figures, truth = dict(report[candidate.row]), dict(report[GROUND_TRUTH])
         for split, each in reports.items() if self.table.splits else ():
-            for name, found in ((candidate.row, figures), (GROUND_TRUTH, truth)):
-                found |= {f"FID {split}": each[name]["FID"]} if "FID" in each[name] else {}
+            for name, row in ((candidate.row, figures), (GROUND_TRUTH, truth)):
+                row |= {f"FID {split}": each[name]["FID"]} if "FID" in each[name] else {}
         return report, figures, truth
 
     def _real_motions(self) -> Candidate:

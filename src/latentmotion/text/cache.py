@@ -76,17 +76,17 @@ class MemoryCachedTextEncoder(_Cached):
             InputError: There is no sentence.
         """
         with self._lock:
-            found = {text: self._known[text] for text in sentences if text in self._known}
-        new = [text for text in dict.fromkeys(sentences) if text not in found]
+            embeddings = {text: self._known[text] for text in sentences if text in self._known}
+        new = [text for text in dict.fromkeys(sentences) if text not in embeddings]
         if new or not sentences:
-            found |= _rows_of(new, self.encoder(new))
+            embeddings |= _rows_of(new, self.encoder(new))
         with self._lock:
             for text in sentences:
-                self._known[text] = found[text]
+                self._known[text] = embeddings[text]
                 self._known.move_to_end(text)
             while self.most is not None and len(self._known) > self.most:
                 self._known.popitem(last=False)
-        return stack([found[text] for text in sentences])
+        return stack([embeddings[text] for text in sentences])
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,8 +51,8 @@ def pieces(encoder: TextEncoder, word: str) -> list[str]:
 
     A frequent English word is one piece.
     """
-    own = getattr(encoder, "pieces", None)
-    return own(word) if own else [word]
+    splits = getattr(encoder, "pieces", None)
+    return splits(word) if splits else [word]
 
 
 @dataclass(frozen=True)
@@ -124,12 +124,12 @@ class StudentTextEncoder(GraphTextEncoder):
         Rows of the graph's words do not depend on one another. Its pooled vectors do in the last
         bit, so they are computed here: the mean of the words, at unit length.
         """
-        found: list[TextEmbedding] = []
+        embeddings: list[TextEmbedding] = []
         for first in range(0, len(tokens), _TOGETHER):
             _, words, mask = self._run(tokens[first : first + _TOGETHER])
             rows = (slice(row, row + 1) for row in range(len(words)))
-            found += [TextEmbedding(unit(words[r].mean(1)), words[r], mask[r]) for r in rows]
-        return found
+            embeddings += [TextEmbedding(unit(words[r].mean(1)), words[r], mask[r]) for r in rows]
+        return embeddings
 
     @classmethod
     def load(cls, folder: str | Path, threads: int = 1) -> StudentTextEncoder:

@@ -36,12 +36,12 @@ def pieces_to_keep(
         continuations: Number of most frequent `##` pieces kept beside them.
     """
     order = tokenizer.get_vocab()
-    kept = {piece for sentence in sentences for piece in tokenizer.encode(sentence).tokens}
-    kept |= {piece for piece in order if len(piece.removeprefix(CONTINUATION)) == 1}
-    kept |= set(frequent_words(tokenizer, words))
+    pieces = {piece for sentence in sentences for piece in tokenizer.encode(sentence).tokens}
+    pieces |= {piece for piece in order if len(piece.removeprefix(CONTINUATION)) == 1}
+    pieces |= set(frequent_words(tokenizer, words))
     tails = (piece for piece in order if piece.startswith(CONTINUATION) and piece.isascii())
-    kept |= set(sorted(tails, key=order.__getitem__)[:continuations])
-    return sorted(kept - set(SPECIAL), key=order.__getitem__)
+    pieces |= set(sorted(tails, key=order.__getitem__)[:continuations])
+    return sorted(pieces - set(SPECIAL), key=order.__getitem__)
 
 
 def restrict(tokenizer: Tokenizer, pieces: Sequence[str], max_length: int) -> Tokenizer:

@@ -321,9 +321,9 @@ def validate(check: Check) -> None:
         InputError: One is unknown or missing.
     """
     for term in check.terms:
-        known = ACTS if check.ordered else ACTS | CONDITIONS
-        if term.name not in known:
-            raise InputError(f"check {term}: unknown {term.name!r}, {hint(term.name, known)}")
+        names = ACTS if check.ordered else ACTS | CONDITIONS
+        if term.name not in names:
+            raise InputError(f"check {term}: unknown {term.name!r}, {hint(term.name, names)}")
         condition = None if check.ordered else CONDITIONS.get(term.name)
         words = condition.words if condition else ACTS[term.name].words
         if condition and len(term.numbers) != condition.numbers:

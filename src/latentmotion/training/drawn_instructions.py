@@ -114,18 +114,18 @@ def drawn_instructions(count: int, seed: int) -> list[Instruction]:
     """
     generator = np.random.default_rng(seed)
     refused = refused_captions()
-    found: dict[str, Instruction] = {}
+    instructions: dict[str, Instruction] = {}
     for group in generator.choice(list(SHARES), count, p=list(SHARES.values())).tolist():
-        asked = _GROUPS[group](generator)
-        if len(asked.actions) == 1:
-            texts = prompts(asked.actions[0], generator, 1, refused)
+        drawn = _GROUPS[group](generator)
+        if len(drawn.actions) == 1:
+            texts = prompts(drawn.actions[0], generator, 1, refused)
         else:
-            texts = prompts_in_order(asked.actions[0], asked.actions[1], generator, 1, refused)
+            texts = prompts_in_order(drawn.actions[0], drawn.actions[1], generator, 1, refused)
         for text in texts:
-            name = f"drawn-{seed}-{len(found):05d}"
-            check = parse(asked.demanded(text))
-            found.setdefault(text, Instruction(name, group, text, check))
-    return list(found.values())
+            name = f"drawn-{seed}-{len(instructions):05d}"
+            check = parse(drawn.demanded(text))
+            instructions.setdefault(text, Instruction(name, group, text, check))
+    return list(instructions.values())
 
 
 def _pick(generator: np.random.Generator, some: tuple | list | dict) -> object:
@@ -203,10 +203,10 @@ def _orders(generator: np.random.Generator) -> _Asked:
         both = tuple(_action(kind, direction=way, pace="normal") for way in directions)
         return _Asked(both, " > ".join(f"go({way})" for way in directions))
     kinds = [*_IN_ORDER, "walk", "walk", "run", "jump", "kick", "punch", "wave", "turn"]
-    one, other = str(_pick(generator, kinds)), str(_pick(generator, kinds))
-    if one == other or {one, other} == {"stand", "turn"} or one in ("lie_down", "sit_down"):
+    first, other = str(_pick(generator, kinds)), str(_pick(generator, kinds))
+    if first == other or {first, other} == {"stand", "turn"} or first in ("lie_down", "sit_down"):
         return _orders(generator)
-    pair = [_ordered(kind, generator) for kind in (one, other)]
+    pair = [_ordered(kind, generator) for kind in (first, other)]
     return _Asked(tuple(action for action, _ in pair), " > ".join(term for _, term in pair))
 
 

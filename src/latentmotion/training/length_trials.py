@@ -87,12 +87,15 @@ def judged_lengths(
         warnings.simplefilter("ignore")  # unknown words show in the result
         left = range(len(rows), len(instructions))
         for number in counted(left, "trials of prompts", done=len(rows)):
-            one, lengths = instructions[number], trials.lengths(number, model.representation.fps)
+            instruction, lengths = (
+                instructions[number],
+                trials.lengths(number, model.representation.fps),
+            )
             first = trials.seed * 2**24 + trials.takes * number
             seeds = [first + take for take in range(trials.takes)]
-            motions = model.batch([one.prompt] * trials.takes, lengths, seeds)
-            found = [fulfills(describe(motion.joints), one.check) for motion in motions]
-            rows.append((one.prompt, list(zip(lengths, found, strict=True))))
+            motions = model.batch([instruction.prompt] * trials.takes, lengths, seeds)
+            verdicts = [fulfills(describe(motion.joints), instruction.check) for motion in motions]
+            rows.append((instruction.prompt, list(zip(lengths, verdicts, strict=True))))
             file.write(json.dumps(rows[-1]) + "\n")
             file.flush()
     trial = [(prompt, *each) for prompt, every in rows for each in every]

@@ -300,8 +300,8 @@ class Reporter(Generic[Network]):
             for every in (settings.validate_every, settings.sample_every)
         )
         percent = settings.kept_percent(step)
-        wanted = validates or samples or percent is not None
-        network = self._average.whole(self._context) if wanted else None
+        due = validates or samples or percent is not None
+        network = self._average.whole(self._context) if due else None
         if self._journal is None or network is None:
             return
         if percent is not None:

@@ -152,16 +152,18 @@ def train_denoiser(
         parents["start"] = sha256(start / checkpoint.WEIGHTS_FILE)
     open_run(folder, Run("denoiser", dataset.fingerprint, parents, experiment), context)
     scale = before.card.latents if before and same_vae(before, first) else None
-    seen, space = prepare_latents(experiment, dataset, first, conditioning, folder, context, scale)
+    latents, space = prepare_latents(
+        experiment, dataset, first, conditioning, folder, context, scale
+    )
     card = replace(first.card, latents=space)
     torch.manual_seed(training.seed)
     previews = Previews(first.vae, card, experiment.latents.cropping.max_frames // 2)
     network = build(experiment.denoiser)
-    network.measure_words(seen.prompts.words.cpu())
+    network.measure_words(latents.prompts.words.cpu())
     if before:
         widths = experiment.denoiser.latent_width, before.card.trained_denoiser.latent_width
         start_from(network, before.denoiser, *widths)
-    stage = second_stage.DenoiserStage(network, seen, previews, experiment, context)
+    stage = second_stage.DenoiserStage(network, latents, previews, experiment, context)
     denoiser, seconds = train(stage, training, folder, context)
     if context.is_main:
         figures = stage.validate(denoiser)
@@ -241,9 +243,9 @@ def same_vae(before: checkpoint.LatentModel, first: FirstStage, tolerance: float
     if weights.keys() != others.keys():
         return False
     alike = [name for name in weights if weights[name].shape == others[name].shape]
-    one, other = (torch.cat([w[name].flatten() for name in alike]) for w in (weights, others))
+    vector, other = (torch.cat([w[name].flatten() for name in alike]) for w in (weights, others))
     wide = tolerance >= RELATED or len(alike) == len(weights)
-    return wide and bool((one - other).norm() <= tolerance * one.norm())
+    return wide and bool((vector - other).norm() <= tolerance * vector.norm())
 
 
 def check_trainable(experiment: Experiment) -> None:
@@ -257,11 +259,11 @@ def check_trainable(experiment: Experiment) -> None:
 
 def check_width(experiment: Experiment, dataset: Dataset) -> None:
     """Raises InputError where the VAE is made for features of another width."""
-    found, expected = dataset.representation.width, experiment.vae.features
-    if found != expected:
+    width, expected = dataset.representation.width, experiment.vae.features
+    if width != expected:
         raise InputError(
-            f"{dataset.folder} has {found} features a frame ({dataset.representation.name}), the "
-            f"experiment's VAE takes {expected}; use --set vae.features={found}"
+            f"{dataset.folder} has {width} features a frame ({dataset.representation.name}), the "
+            f"experiment's VAE takes {expected}; use --set vae.features={width}"
         )
 
 
@@ -272,19 +274,19 @@ def check_body(experiment: Experiment, dataset: Dataset, body: Path | None) -> S
         FileFormatError: Its file cannot be used.
         InputError: It is missing, of no use, or the features are no poses.
     """
-    wanted = experiment.vae_objective.vertices > 0
-    if wanted and dataset.representation.name != "smpl":
+    compares = experiment.vae_objective.vertices > 0
+    if compares and dataset.representation.name != "smpl":
         raise InputError(
             f"vae_objective.vertices needs SMPL's poses, {dataset.folder} has features "
             f"{dataset.representation.name!r}; use --set vae_objective.vertices=0"
         )
-    if wanted and body is None:
+    if compares and body is None:
         raise InputError(
             "vae_objective.vertices needs a SMPL model file, which does not come with this "
             "package: --body SMPL_NEUTRAL.npz (from https://smpl.is.tue.mpg.de), or go without: "
             "--set vae_objective.vertices=0 --set vae_objective.joints=1"
         )
-    if body is not None and not wanted:
+    if body is not None and not compares:
         raise InputError("--body is of no use: vae_objective.vertices is 0; set it to 1")
     return load_smpl(body) if body is not None else None
 
@@ -367,9 +369,11 @@ def check_fit(
             conditioning.width,
         ),
     }
-    for name, (one, other) in pairs.items():
-        if one != other:
-            raise InputError(f"{name}: {one} and {other}, expected the same; change one of them")
+    for name, (first_value, other) in pairs.items():
+        if first_value != other:
+            raise InputError(
+                f"{name}: {first_value} and {other}, expected the same; change one of them"
+            )
 
 
 def prepare_latents(
@@ -387,10 +391,10 @@ def prepare_latents(
     """
     settings, training = experiment.latents, experiment.denoiser_training
     clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
-    seen, held_out = (items_to_learn(conditioning.task, part) for part in clips)
+    items, held_out = (items_to_learn(conditioning.task, part) for part in clips)
     if isinstance(conditioning.condition, SentenceCondition):
         encoder = conditioning.condition.encoder
-        seen = experiment.draws.weigh(seen, lambda texts: encoder(texts).pooled)
+        items = experiment.draws.weigh(items, lambda texts: encoder(texts).pooled)
     held_out = held_out[:HELD_OUT]
     unseen = second_stage.keep_crops(held_out, settings.cropping, 1, training.seed).every()
     features = partial(FeatureCache, dataset, [*clips[0], *clips[1]], normalizer_of(first.card))
@@ -404,7 +408,7 @@ def prepare_latents(
         latents = second_stage.FreshLatents(first.vae, features(), context.device)
     else:
         cropping = second_stage.keep_crops(
-            seen, settings.cropping, settings.per_item, training.seed
+            items, settings.cropping, settings.per_item, training.seed
         )
         every = [*cropping.every(), *unseen]
 
@@ -420,9 +424,9 @@ def prepare_latents(
         posteriors = posteriors.normalized(space.mean, space.std).to(context.device)
         latents = second_stage.LatentCache(every, posteriors)
     prompts = ConditionTable(
-        conditioning.condition, captions_of([*seen, *held_out]), context.device
+        conditioning.condition, captions_of([*items, *held_out]), context.device
     )
-    batches = BatchSampler(seen, training.batch_size, cropping, training.seed)
+    batches = BatchSampler(items, training.batch_size, cropping, training.seed)
     return second_stage.LatentData(batches, tuple(unseen), latents, prompts), space
 
 

@@ -263,9 +263,9 @@ def trial_of(path: str) -> str | None:
 
 def native_fps(trial: str) -> float:
     """Returns the native frames per second of a trial such as `05_18`."""
-    known = LABELS["cmu"]
-    is_slow = int(trial.split("_")[0]) in known["slow_subjects"]
-    is_slow = (is_slow and trial not in known["fast_trials"]) or trial in known["slow_trials"]
+    labels = LABELS["cmu"]
+    is_slow = int(trial.split("_")[0]) in labels["slow_subjects"]
+    is_slow = (is_slow and trial not in labels["fast_trials"]) or trial in labels["slow_trials"]
     return SLOW_RATE if is_slow else USUAL_RATE
 
 

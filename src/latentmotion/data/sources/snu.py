@@ -182,8 +182,8 @@ def recording_of(stem: str) -> str:
 
 def sentences_of(actions: Sequence[str]) -> tuple[str, ...]:
     """Returns sentences for actions in this order; none for more than four, or unknown ones."""
-    known = LABELS["snu"]["actions"]
-    phrases = [phrase for phrase, _ in groupby(known.get(action, "") for action in actions)]
+    sentences = LABELS["snu"]["actions"]
+    phrases = [phrase for phrase, _ in groupby(sentences.get(action, "") for action in actions)]
     if not phrases or "" in phrases or len(phrases) > _MOST_ACTIONS:
         return ()
     text = ", then ".join(phrases)

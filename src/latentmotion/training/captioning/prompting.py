@@ -126,13 +126,13 @@ def prompts_in_order(
         count: How many; fewer where there are fewer ways to say it.
         refused: Prompts that are never returned, as `plain` writes them.
     """
-    one, two = _plainer(wording(first)), _plainer(wording(second))
+    begin, end = _plainer(wording(first)), _plainer(wording(second))
     contrasts = contrasted(first, second)
 
     def draw() -> str:
         if contrasts and generator.random() < 0.35:
             return _styled(_single(Wording(contrasts), generator), generator)
-        return _styled(_ordered(one, two, generator), generator)
+        return _styled(_ordered(begin, end, generator), generator)
 
     return _different(draw, count, refused)
 
@@ -154,8 +154,10 @@ def contrasted(first: SingleAction, second: SingleAction) -> Sequence[str]:
     same_pace = first.kind in _DIRECTED and first.pace == second.pace
     if same_pace and "" not in ways and ways[0] != ways[1]:
         verb = "step" if first.kind == "steps" else first.kind
-        one, two = (f"[{w}|to the {w}]" if w in (LEFT, RIGHT) else f"[{w}|{w}s]" for w in ways)
-        return [f"~{verb} {one}, then {two}", f"~{verb} {one} and then {two}"]
+        way, other_way = (
+            f"[{w}|to the {w}]" if w in (LEFT, RIGHT) else f"[{w}|{w}s]" for w in ways
+        )
+        return [f"~{verb} {way}, then {other_way}", f"~{verb} {way} and then {other_way}"]
     return ()
 
 

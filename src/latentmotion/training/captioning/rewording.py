@@ -101,7 +101,7 @@ def rewordings(sentence: str, generator: np.random.Generator, count: int) -> lis
         Different sentences, none of them the given one; fewer than `count` where there is doubt.
     """
     read, written = read_clauses(sentence), written_wordings(sentence)
-    known = {_bare(sentence)}
+    texts_so_far = {_bare(sentence)}
     texts: list[str] = []
     for _ in range(count * _ATTEMPTS):
         if len(texts) == count:
@@ -112,8 +112,8 @@ def rewordings(sentence: str, generator: np.random.Generator, count: int) -> lis
             text = _other_subject(sentence, generator)
         else:
             text = reworded(_with_written_clauses(read, generator), generator)
-        if text and _bare(text) not in known:
-            known.add(_bare(text))
+        if text and _bare(text) not in texts_so_far:
+            texts_so_far.add(_bare(text))
             texts.append(text)
     return texts
 
@@ -153,7 +153,9 @@ def _with_written_clauses(sentence: Sentence, generator: np.random.Generator) ->
 def _written_clauses(caption: str) -> tuple[Clause, ...]:
     """Returns the written wordings of a caption that are one clause."""
     read = (read_clauses(wording) for wording in written_wordings(caption))
-    return tuple(one.clauses[0] for one in read if one and len(one.clauses) == 1)
+    return tuple(
+        sentence.clauses[0] for sentence in read if sentence and len(sentence.clauses) == 1
+    )
 
 
 def _predicate(caption: str) -> str:
@@ -216,9 +218,9 @@ def in_order(
         subject, again = _ACTORS[gender][int(generator.integers(len(_ACTORS[gender])))]
         forms, frame = _FRAMES[int(generator.integers(len(_FRAMES)))]
         owner = "you" if "go" in forms else gender
-        one = predicate(first, forms[0], owner, generator)
+        first_part = predicate(first, forms[0], owner, generator)
         other = predicate(second, forms[1], owner, generator)
-        written.setdefault(frame.format(subject=subject, again=again, one=one, other=other))
+        written.setdefault(frame.format(subject=subject, again=again, one=first_part, other=other))
     return [text for text in written if text]
 
 

@@ -45,24 +45,24 @@ def sentences(
             motion does not contradict it.
         count: Most sentences; fewer where there are fewer wordings.
     """
-    known = plain_action(action) if action else ""
-    if known and check(known, description).verdict == "contradicts":
-        known = ""
+    caption = plain_action(action) if action else ""
+    if caption and check(caption, description).verdict == "contradicts":
+        caption = ""
     acts = acts_of(description)
     texts: list[str] = []
-    if known:
-        texts = [known]
-        claimed = {claim.kind for claim in check(known, description).claims}
+    if caption:
+        texts = [caption]
+        claimed = {claim.kind for claim in check(caption, description).claims}
         moves = [act for act in acts if act.kind in ("walk", "jog", "run", "turn")]
         if moves and not claimed & {"walk", "jog", "run", "turn", "circle", "move", "sit"}:
             phrase = _draw(phrases(moves[0]), generator)
             texts.append(
-                f"{known.rstrip('. ')} while {_filled(phrase, 'the', 'them', 'participle')}"
+                f"{caption.rstrip('. ')} while {_filled(phrase, 'the', 'them', 'participle')}"
             )
         texts = texts[:count]
         # Measured sentences would only repeat or spoil what a caption says better.
         gestures = all(act.kind in ("raise", "wave", "punch") for act in acts)
-        if acts[0].kind in ("stand", "still") or (len(known.split()) > 2 and gestures):
+        if acts[0].kind in ("stand", "still") or (len(caption.split()) > 2 and gestures):
             return texts
     for _ in range(6 * count):
         if len(texts) >= count:

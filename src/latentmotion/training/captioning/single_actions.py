@@ -207,8 +207,8 @@ def _straight(scene: Measured, turn: Event, step: int) -> tuple[str, int]:
 @_finder
 def _changes(scene: Measured, generator: np.random.Generator) -> Iterator[SingleAction]:
     """Finds starts, stops and changes between walking and running."""
-    for one, two in pairwise(scene.moves):
-        before, after = ("run" if move.kind in _RUNS else move.kind for move in (one, two))
+    for earlier, later in pairwise(scene.moves):
+        before, after = ("run" if move.kind in _RUNS else move.kind for move in (earlier, later))
         kind = {
             ("stand", "walk"): "start_walking",
             ("stand", "run"): "start_running",
@@ -217,14 +217,14 @@ def _changes(scene: Measured, generator: np.random.Generator) -> Iterator[Single
             ("walk", "run"): "walk_to_run",
             ("run", "walk"): "run_to_walk",
         }.get((before, after), "")
-        in_place = "place" in (one.direction, two.direction)
-        if not kind or in_place or min(one.frames, two.frames) < 10:
+        in_place = "place" in (earlier.direction, later.direction)
+        if not kind or in_place or min(earlier.frames, later.frames) < 10:
             continue
         for _ in range(4 if "run" in kind else 2):
-            start = max(one.end - _draw(generator, 12, min(one.frames, 60)), one.start)
-            end = min(two.start + _draw(generator, 14, min(two.frames, 80)), two.end)
-            direction = two.direction if one.kind == "stand" else one.direction
-            act = (one.end, two.start + 1)
+            start = max(earlier.end - _draw(generator, 12, min(earlier.frames, 60)), earlier.start)
+            end = min(later.start + _draw(generator, 14, min(later.frames, 80)), later.end)
+            direction = later.direction if earlier.kind == "stand" else earlier.direction
+            act = (earlier.end, later.start + 1)
             yield SingleAction(kind, start, end, direction=direction, act=act)
 
 

@@ -259,13 +259,15 @@ def _postures(action: SingleAction, scene: Measured) -> SingleAction | None:
     if seat and float(scene.signals.joints[:, 0, 1].min()) <= 0.35:  # lower than a low stool
         return None
     for stages in map(str.split, _SEQUENCES[action.kind]):
-        kept = [
+        long_enough = [
             posture.kind
             for posture in scene.postures
             if posture.kind in stages
             or posture.frames >= (30 if posture.kind in ("bend", "crouch") else 16)
         ]
-        if stages == [kind for n, kind in enumerate(kept) if n == 0 or kept[n - 1] != kind]:
+        if stages == [
+            kind for n, kind in enumerate(long_enough) if n == 0 or long_enough[n - 1] != kind
+        ]:
             return action
     return None
 

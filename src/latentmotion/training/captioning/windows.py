@@ -73,7 +73,7 @@ def caption_windows(
     if frames <= windows.longest and windows.whole:
         whole = describe(joints)
         rows += [(text, 0, frames) for text in sentences(whole, generator, count=windows.whole)]
-    known: dict[tuple[int, int], Description] = {}
+    descriptions: dict[tuple[int, int], Description] = {}
     for start, end in draw_windows(frames, generator, windows):
         window = describe(joints[start:end])
         if windows.acts and len(acts_of(window)) > windows.acts:
@@ -81,9 +81,9 @@ def caption_windows(
         texts = sentences(window, generator, count=windows.sentences)
         for text, first, last in captions:
             if first <= start and end <= last and text not in texts:
-                if (first, last) not in known:
-                    known[first, last] = describe(joints[first:last])
-                if holds(text, known[first, last], window):
+                if (first, last) not in descriptions:
+                    descriptions[first, last] = describe(joints[first:last])
+                if holds(text, descriptions[first, last], window):
                     texts.append(text)
         rows += [(text, start, end) for text in texts]
     return rows

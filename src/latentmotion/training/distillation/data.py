@@ -187,8 +187,8 @@ class DistillationData:
         parts = [self._trajectories(TRAJECTORIES_FILE, blocks, 0)]
         if self.asked:
             blocks = in_blocks(crop for crop, _ in self.asked)
-            asked = self._trajectories("asked.safetensors", blocks, 2**30, dict(self.asked))
-            parts.append(asked)
+            drawn = self._trajectories("asked.safetensors", blocks, 2**30, dict(self.asked))
+            parts.append(drawn)
         if self.reworded:
             blocks = in_blocks(crop for crop, _ in self.reworded)
             parts.append(self._trajectories("reworded.safetensors", blocks, 3 << 30))
@@ -243,8 +243,8 @@ class DistillationData:
             judged(motion[: crop.frames], asked[crop])[0]
             for motion, crop in zip(joints, crops, strict=True)
         ]
-        kept = torch.tensor(obeys).nonzero()[:, 0].tolist()
-        return trajectories.take(kept, range(len(crops)))
+        obedient = torch.tensor(obeys).nonzero()[:, 0].tolist()
+        return trajectories.take(obedient, range(len(crops)))
 
     def _within_phases(self, per_item: int) -> PhaseSteps:
         settings, training = self.settings, self.settings.training
@@ -292,17 +292,17 @@ def prepare_distillation(
     """
     card, network, training = model.card, model.denoiser, settings.training
     clips = tuple(dataset.clips("train", mirrored=settings.mirrored))
-    seen, unseen = prompted(card, clips), prompted(card, dataset.clips("val"))[:HELD_OUT]
-    if not seen:
+    items, unseen = prompted(card, clips), prompted(card, dataset.clips("val"))[:HELD_OUT]
+    if not items:
         raise InputError(
             f"no training clip of {dataset.folder} has a caption or label that model "
             f"{card.name!r} knows; use the data that it was trained on"
         )
     held_out = keep_crops(unseen, settings.cropping, 1, training.seed).every()
     condition = card.prompt_condition(partial(required_encoder, encoder))
-    asked = drawn_crops(settings, seen[0].clip, encoder, lengths)
-    reworded = reworded_crops(settings, seen)
-    captions = captions_of([*seen, *unseen]) | {crop.caption for crop, _ in asked}
+    drawn = drawn_crops(settings, items[0].clip, encoder, lengths)
+    reworded = reworded_crops(settings, items)
+    captions = captions_of([*items, *unseen]) | {crop.caption for crop, _ in drawn}
     captions |= {text for _, texts in reworded for text in texts}
     prompts = ConditionTable(condition, captions, context.device)
     network.eval().requires_grad_(False).to(context.device)
@@ -311,17 +311,17 @@ def prepare_distillation(
     answering = teacher
     if former is not None:
         check_stops(former.card, settings.few_step)
-        kept = former.denoiser.eval().requires_grad_(False).to(context.device)
-        answering = replace(teacher, network=kept, card=former.card)
+        frozen = former.denoiser.eval().requires_grad_(False).to(context.device)
+        answering = replace(teacher, network=frozen, card=former.card)
     return DistillationData(
         model,
         teacher,
         answering,
         dataset,
         clips,
-        tuple(seen),
+        tuple(items),
         tuple(held_out),
-        asked,
+        drawn,
         reworded,
         settings,
         folder,
@@ -350,14 +350,19 @@ def drawn_crops(
         raise InputError(
             "objective.asked: the teacher has no lengths of sentences; export it with --length"
         )
-    asked = drawn_instructions(objective.asked, seed + 1)
+    drawn = drawn_instructions(objective.asked, seed + 1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnknownWordsWarning)  # nobody typed these prompts
-        usual = lengths.usual(required_encoder(encoder)([one.prompt for one in asked]).pooled)
+        usual = lengths.usual(
+            required_encoder(encoder)([instruction.prompt for instruction in drawn]).pooled
+        )
     limits = settings.cropping.min_frames, settings.cropping.max_frames
     frames = drawn_frames(np.array(usual), SPREAD, limits, np.random.default_rng(seed))
-    crops = [Crop(clip, 0, n, one.prompt) for n, one in zip(frames.tolist(), asked, strict=True)]
-    return tuple(zip(crops, asked, strict=True))
+    crops = [
+        Crop(clip, 0, n, instruction.prompt)
+        for n, instruction in zip(frames.tolist(), drawn, strict=True)
+    ]
+    return tuple(zip(crops, drawn, strict=True))
 
 
 def reworded_crops(
@@ -376,19 +381,19 @@ def reworded_crops(
     if not isinstance(objective, TrajectoryRegression) or not objective.reworded:
         return ()
     shortest = max(settings.cropping.min_frames, settings.cropping.unit)
-    verbs, captions = captions_to_reword([one for one in items if one.frames >= shortest])
-    refused = {one.prompt for one in instructions()}
+    verbs, captions = captions_to_reword([row for row in items if row.frames >= shortest])
+    refused = {row.prompt for row in instructions()}
     generator = np.random.default_rng([settings.training.seed, 1])
     turns = [cycle(groups) for groups in (verbs, captions) if groups]
-    found: dict[Crop, tuple[str, ...]] = {}
+    wordings: dict[Crop, tuple[str, ...]] = {}
     for number in range(objective.reworded if turns else 0):
         group = next(turns[number % len(turns)])
         item, caption = group[int(generator.integers(len(group)))]
         texts = rewordings(caption, generator, objective.wordings)
         crop = replace(settings.cropping.crop(item, generator), caption=caption)
         if allowed := tuple(text for text in texts if text not in refused):
-            found[crop] = allowed
-    return tuple(found.items())
+            wordings[crop] = allowed
+    return tuple(wordings.items())
 
 
 def captions_to_reword(

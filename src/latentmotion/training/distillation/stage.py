@@ -78,8 +78,8 @@ class DistillStage(Stage[DenoiserNetwork]):
         for steps in self._few_step.steps:
             student = self._student(network, trajectories.guidance, steps)
             noise = trajectories.points[:, 0]
-            found = sample(*student, noise, condition, trajectories.mask, steps, nothing)
-            squares = (found - trajectories.points[:, -1]) ** 2
+            ends = sample(*student, noise, condition, trajectories.mask, steps, nothing)
+            squares = (ends - trajectories.points[:, -1]) ** 2
             figures[f"rms_of_{steps}"] = float(mean_of_real(squares, trajectories.mask)) ** 0.5
         return figures
 
@@ -165,8 +165,8 @@ def distill(
         fingerprint(former),
     )
     open_run(folder, run, context)
-    found = lengths_file(model.card, source)
-    lengths = found and LengthFile(found, model.card.condition.text_encoder)
+    path = lengths_file(model.card, source)
+    lengths = path and LengthFile(path, model.card.condition.text_encoder)
     distillation_data = prepare_distillation(
         settings,
         dataset,
@@ -182,8 +182,8 @@ def distill(
     student, seconds = train(stage, settings.training, folder, context)
     if context.is_main:
         before = read_card(start) if start else model.card
-        made = provenance_of(dataset, seconds, before.provenance)
-        card = finished(card, model.card, made, stage.validate(student))
+        provenance = provenance_of(dataset, seconds, before.provenance)
+        card = finished(card, model.card, provenance, stage.validate(student))
         checkpoint.save_model(folder / MODEL, checkpoint.LatentModel(card, model.vae, student))
     return folder / MODEL
 
@@ -216,12 +216,12 @@ def within(cropping: Cropping, card: ModelCard) -> Cropping:
     Raises:
         InputError: None is left.
     """
-    (least, most), asked = card.frames, (cropping.min_frames, cropping.max_frames)
-    shortest, longest = max(asked[0], least), min(asked[1], most)
+    (least, most), limits = card.frames, (cropping.min_frames, cropping.max_frames)
+    shortest, longest = max(limits[0], least), min(limits[1], most)
     if shortest > longest:
         raise InputError(
             f"model {card.name!r} makes {least} to {most} frames, cropping asks for "
-            f"{asked[0]} to {asked[1]}; change cropping.min_frames or cropping.max_frames"
+            f"{limits[0]} to {limits[1]}; change cropping.min_frames or cropping.max_frames"
         )
     return replace(cropping, min_frames=shortest, max_frames=longest)
 
@@ -259,9 +259,9 @@ def first_student(
     if model.card.few_step is None:
         raise ModelError(f"{start} is not distilled; pass a student of the same teacher")
     for name in ("parametrization", "schedule", "latents"):
-        found, expected = getattr(model.card, name), getattr(card, name)
-        if found != expected:
-            raise ModelError(f"{start}: {name} {found}, expected {expected}: of another teacher")
+        actual, expected = getattr(model.card, name), getattr(card, name)
+        if actual != expected:
+            raise ModelError(f"{start}: {name} {actual}, expected {expected}: of another teacher")
     student = build(config)
     checkpoint.load_weights(student, model.denoiser.state_dict(), str(start))
     return student
@@ -281,10 +281,10 @@ def finished(
     figures: dict[str, float],
 ) -> ModelCard:
     """Adds to a student's card how it came to be, and how good it is."""
-    kept = {name: value for name, value in teacher.figures.items() if name.startswith("vae_")}
+    of_vae = {name: value for name, value in teacher.figures.items() if name.startswith("vae_")}
     rounded = {f"student_{name}": round(value, 4) for name, value in figures.items()}
     return replace(
         card,
         provenance=provenance,
-        figures={**kept, **rounded, "teacher": teacher.name},
+        figures={**of_vae, **rounded, "teacher": teacher.name},
     )

@@ -75,9 +75,9 @@ class Trajectories:
     def take(self, rows: Sequence[int], among: Sequence[int]) -> Trajectories:
         """Returns some of them, cut to the longest of `among`."""
         longest = int(self.mask[list(among)].sum(dim=1).max())
-        own = list(rows)
-        points, mask = self.points[own, :, :longest], self.mask[own, :longest]
-        return Trajectories(points, mask, self.guidance[own], self.rows[own])
+        chosen = list(rows)
+        points, mask = self.points[chosen, :, :longest], self.mask[chosen, :longest]
+        return Trajectories(points, mask, self.guidance[chosen], self.rows[chosen])
 
     def to(self, device: torch.device) -> Trajectories:
         """Returns them on a device."""
@@ -128,17 +128,17 @@ class Teacher:
 
     def _sampler(self) -> tuple[Sampler, int]:
         """Returns the sampler and its number of steps."""
-        own = self.card.few_step
-        if own:
-            steps = max(own.steps)
+        few_step = self.card.few_step
+        if few_step:
+            steps = max(few_step.steps)
             return sampler_of(self.card, Sampling(steps, sampler="ddim")), steps
         return sampler_named(self.solver, self.card.schedule), self.few_step.solver_steps
 
     def guided(self, scale: Float[torch.Tensor, " batch"]) -> ParametrizedDenoiser:
         """Returns the teacher's denoiser, guided by a scale for each item."""
         if self.card.few_step:
-            own = DistilledGuidance(self.network, scale, self._sampler()[1])
-            return self.card.parametrized(own)
+            distilled = DistilledGuidance(self.network, scale, self._sampler()[1])
+            return self.card.parametrized(distilled)
         card, null = self.card, self.prompts([""])
         return guided(card.sampling.guidance_rule, card.parametrized(self.network), null, scale)
 
@@ -149,11 +149,13 @@ def check_stops(former: ModelCard, few_step: FewStepConfig) -> None:
     Raises:
         InputError: They do not.
     """
-    own = former.few_step
-    if own and any(stop * max(own.steps) % few_step.solver_steps for stop in few_step.stops):
+    former_steps = former.few_step
+    if former_steps and any(
+        stop * max(former_steps.steps) % few_step.solver_steps for stop in few_step.stops
+    ):
         raise InputError(
-            f"model {former.name!r} makes {max(own.steps)} steps, which do not end where those of "
-            f"few_step.steps {list(few_step.steps)} do; use {list(own.steps)}"
+            f"model {former.name!r} makes {max(former_steps.steps)} steps, which do not end where "
+            f"those of few_step.steps {list(few_step.steps)} do; use {list(former_steps.steps)}"
         )
 
 
@@ -169,12 +171,13 @@ def cached_trajectories(
         context: Device and rank.
     """
     shares = [path.with_suffix(f".{rank}{path.suffix}") for rank in range(context.ranks.world)]
-    own = shares[context.ranks.rank]
-    if not path.exists() and not own.exists():
-        made = {n: compute(n) for n in range(blocks)[context.ranks.shard(blocks)]}
-        with atomic_file(own) as temporary:
+    share_file = shares[context.ranks.rank]
+    if not path.exists() and not share_file.exists():
+        computed = {n: compute(n) for n in range(blocks)[context.ranks.shard(blocks)]}
+        with atomic_file(share_file) as temporary:
             save_file(
-                _as_tensors({f"{n}.": trajectories for n, trajectories in made.items()}), temporary
+                _as_tensors({f"{n}.": trajectories for n, trajectories in computed.items()}),
+                temporary,
             )
     context.wait()
     if context.is_main and not path.exists():
@@ -255,8 +258,8 @@ class Phases:
 
 def drawn_phases(few_step: FewStepConfig, size: torch.Tensor, position: torch.Tensor) -> Phases:
     """Turns two numbers in [0, 1) per item into a step: its size, then its position."""
-    known = torch.tensor(few_step.steps, device=size.device)
-    counts = known[(size * len(known)).long()]
+    choices = torch.tensor(few_step.steps, device=size.device)
+    counts = choices[(size * len(choices)).long()]
     length = few_step.solver_steps // counts
     first = (position * counts).long() * length
     return Phases(counts, first, first + length)
@@ -288,7 +291,7 @@ class PromptedTrajectories:
         epoch = step // self._blocks(batch)
         crops = [self.crops[row] for row in rows]
         texts = [self.wordings.get(crop, (crop.caption,)) for crop in crops]
-        return [known[epoch % len(known)] for known in texts]
+        return [wordings[epoch % len(wordings)] for wordings in texts]
 
     def _blocks(self, batch: int) -> int:
         return max(len(self.crops) // batch, 1)
@@ -325,12 +328,12 @@ class TrajectorySteps:
         ranks, device = self._context.ranks, self._context.device
         batch, seed = self._training.batch_size, self._training.seed
         among = self._data.rows(step, batch, seed)
-        own = among[ranks.shard(len(among))]
-        captions = self._data.captions(own, step, batch)
+        shard = among[ranks.shard(len(among))]
+        captions = self._data.captions(shard, step, batch)
         chance = StepRandomness(seed, step, len(among), ranks, device)
         phases = drawn_phases(self._few_step, chance.uniform(), chance.uniform())
-        trajectories = self._data.trajectories.take(own, among).to(device)
-        row = torch.arange(len(own), device=device)
+        trajectories = self._data.trajectories.take(shard, among).to(device)
+        row = torch.arange(len(shard), device=device)
         first, last = (torch.searchsorted(self._stops, at) for at in (phases.first, phases.last))
         return StepBatch(
             start=trajectories.points[row, first],
@@ -369,19 +372,19 @@ class PhaseSteps:
     def __call__(self, step: int, average: Callable[..., Tensor]) -> StepBatch:
         """Returns steps for the crops of training step `step`."""
         crops, ranks = self._batches(step), self._context.ranks
-        own = crops[ranks.shard(len(crops))]
+        shard = crops[ranks.shard(len(crops))]
         chance = StepRandomness(self._seed, step, len(crops), ranks, self._context.device)
         phases = drawn_phases(self._teacher.few_step, chance.uniform(), chance.uniform())
         first = phases.first + (chance.uniform() * (phases.last - phases.first)).long()
         least, most = self._teacher.few_step.guidance
         step_condition = StepCondition(least + (most - least) * chance.uniform(), 1 / phases.counts)
-        latents = self._latents.batch(own, crops)
+        latents = self._latents.batch(shard, crops)
         shape = latents.mean.shape[1:]
         z0, noise = latents.mean + latents.std * chance.normal(*shape), chance.normal(*shape)
         start = add_noise(z0, noise, self._times[first], self._teacher.card.schedule)
         # The first timestep is noise alone, as in sampling, even if the schedule keeps signal.
         start = torch.where((first == 0)[:, None, None], noise, start)
-        condition = self._teacher.prompts([crop.caption for crop in own])
+        condition = self._teacher.prompts([crop.caption for crop in shard])
         t, after, s = (self._times[at] for at in (first, first + 1, phases.last))
         mask, guided = latents.mask, self._teacher.guided(step_condition.guidance).denoiser
         with torch.no_grad():  # a step with the teacher, then one with the averaged student
