@@ -275,7 +275,7 @@ def test_a_step_of_stage_1() -> None:
     assert float(found["total"]) == pytest.approx(total.item(), rel=CLOSE)
     for name, loss in losses.items():
         assert float(found[name]) == pytest.approx(loss.item(), rel=CLOSE), name
-    check_gradients(gradients, gradients_of(author, total, reading.MLD_VAE))
+    check_gradients(gradients, gradients_of(author, total, reading.rules_of("vae", "vae_cross")))
     check_update(network, before, gradients)
 
 
@@ -305,5 +305,7 @@ def test_a_step_of_stage_2(predicts: str) -> None:
         preset_named("mld_humanml3d").denoiser_training,
     )
     assert float(found["total"]) == pytest.approx(total.item(), rel=CLOSE)
-    check_gradients(gradients, gradients_of(author, total, reading.DENOISER_IN_CONTEXT))
+    check_gradients(
+        gradients, gradients_of(author, total, reading.rules_of("denoiser", "denoiser_in_context"))
+    )
     check_update(network, before, gradients)

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
-from torch import Tensor
+from torch import Tensor, nn
 
 from latentmotion.condition.task import ActionTask, TextTask
 from latentmotion.convert import reading
@@ -40,6 +40,7 @@ from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
 
 Weights = Mapping[str, Tensor]
+Network = TypeVar("Network", bound=nn.Module)
 
 _TEXT_ENCODERS = ("openai/clip-vit-large-patch14", "sentence-transformers/sentence-t5-large")
 """The text encoders of MLD and of MotionLCM."""
@@ -128,14 +129,8 @@ def load_vae(
         ModelError: A weight is missing or has another shape.
     """
     config = vae_config(weights, unstated)
-    rules = reading.MLD_VAE_JOINT if config.decoding == "joint" else reading.MLD_VAE
-    if is_actor(weights):
-        rules = reading.ACTOR_VAE
-    renamed = reading.rename(weights, rules)
-    checkpoint.check_sizes(lambda: build(config), renamed, f"{path}, vae")
-    network = build(config)
-    checkpoint.load_weights(network, renamed, f"{path}, vae")
-    return network, config
+    names = ("actor",) if is_actor(weights) else ("vae", f"vae_{config.decoding}")
+    return _loaded(lambda: build(config), weights, names, f"{path}, vae"), config
 
 
 def load_denoiser(
@@ -152,18 +147,24 @@ def load_denoiser(
         ModelError: A weight is missing or has another shape.
     """
     config = denoiser_config(weights, unstated)
-    cross = config.attention == "cross"
     # Left over from older versions, or written but never used without cross-attention.
-    unused = {"sequence_pos_encoding.pe"} | (set() if cross else {"mem_pos.pe"})
+    unused = {"sequence_pos_encoding.pe"}
+    unused |= set() if config.attention == "cross" else {"mem_pos.pe"}
     used = {name: tensor for name, tensor in weights.items() if name not in unused}
-    rules = reading.DENOISER_CROSS if cross else reading.DENOISER_IN_CONTEXT
-    if config.condition_projection == "linear":
-        rules = reading.LINEAR_TEXT + rules
-    renamed = reading.rename(used, rules)
-    checkpoint.check_sizes(lambda: build(config), renamed, f"{path}, denoiser")
-    network = build(config)
-    checkpoint.load_weights(network, renamed, f"{path}, denoiser")
-    return network, config
+    text = ("linear_text",) if config.condition_projection == "linear" else ()
+    names = (*text, "denoiser", f"denoiser_{config.attention}")
+    return _loaded(lambda: build(config), used, names, f"{path}, denoiser"), config
+
+
+def _loaded(
+    make: Callable[[], Network], weights: Weights, names: Sequence[str], where: str
+) -> Network:
+    """Returns a network with the weights that the authors name as parts of `names.toml` say."""
+    renamed = reading.rename(weights, reading.rules_of(*names))
+    checkpoint.check_sizes(make, renamed, where)
+    network = make()
+    checkpoint.load_weights(network, renamed, where)
+    return network
 
 
 def model_card(

@@ -17,6 +17,7 @@ import math
 import pickle
 import pickletools
 import re
+import tomllib
 import warnings
 from collections import Counter, OrderedDict
 from collections.abc import Mapping
@@ -255,65 +256,18 @@ def _rebuilt(storage: Tensor, offset: int, size: Any, stride: Any, *_: Any) -> T
 Weights = dict[str, Tensor]
 Rules = tuple[tuple[str, str], ...]
 
-_LAYERS: Rules = (
-    (r"\binput_blocks\.", "first."),
-    (r"\bmiddle_block\.", "middle."),
-    (r"\boutput_blocks\.", "last."),
-    (r"\blinear_blocks\.", "joins."),
-    (r"\bself_attn\.in_proj_", "attention.query_key_value."),
-    (r"\bself_attn\.out_proj\.", "attention.output."),
-    (r"\bmultihead_attn\.out_proj\.", "cross_attention.output."),
-    (r"\blinear1\.", "feed_forward.0."),
-    (r"\blinear2\.", "feed_forward.3."),
-    (r"\bnorm1\.", "around_attention.norm."),
-    (r"\bnorm3\.", "around_feed_forward.norm."),
-)
+_NAMES: dict[str, Rules] = {
+    network: tuple(names.items())
+    for network, names in tomllib.loads(
+        Path(__file__).with_name("names.toml").read_text(encoding="utf-8")
+    ).items()
+}
+"""Patterns of the authors' names and what takes their place, by network."""
 
-MLD_VAE: Rules = (
-    (r"^global_motion_token$", "summary"),
-    (r"^query_pos_encoder\.pe$", "position.table"),
-    (r"^query_pos_decoder\.pe$", "decoder.position.table"),
-    (r"^skel_embedding\.", "frames_in."),
-    (r"^final_layer\.", "frames_out."),
-    (r"^dist_layer\.", "distribution.linear."),
-    (r"^latent_pre\.", "narrow."),
-    (r"^latent_post\.", "widen."),
-    (r"^decoder\.(?!position)", "decoder.decoder."),
-)
 
-MLD_VAE_JOINT: Rules = (*MLD_VAE[:-1], (r"^decoder\.(?!position)", "decoder.encoder."))
-
-ACTOR_VAE: Rules = (
-    (r"^encoder\.skel_embedding\.", "frames_in."),
-    (r"^decoder\.final_layer\.", "frames_out."),
-    (r"^encoder\.sequence_pos_encoding\.pe$", "position.table"),
-    (r"^decoder\.sequence_pos_encoding\.pe$", "decoder.position.table"),
-    (r"^encoder\.seqTransEncoder\.", "encoder."),
-    (r"^decoder\.seqTransDecoder\.", "decoder.decoder."),
-)
-
-_DENOISER: Rules = (
-    (r"^time_embedding\.linear_1\.", "numbers.time.network.0."),
-    (r"^time_embedding\.linear_2\.", "numbers.time.network.2."),
-    (r"^emb_proj\.1\.", "condition_in.1."),
-    (r"^emb_proj\.action_embedding$", "condition_in.weight"),
-    (r"^(encoder|decoder)\.", r"body.\1."),
-    (r"^pose_embd\.", "latents_in."),
-    (r"^pose_proj\.", "latents_out."),
-    (r"^latent_pre\.", "latents_in."),
-    (r"^latent_post\.", "latents_out."),
-)
-
-DENOISER_IN_CONTEXT: Rules = (*_DENOISER, (r"^query_pos\.pe$", "positions.table.table"))
-
-DENOISER_CROSS: Rules = (
-    *_DENOISER,
-    (r"^query_pos\.pe$", "positions.latents.table"),
-    (r"^mem_pos\.pe$", "positions.context.table"),
-)
-
-LINEAR_TEXT: Rules = ((r"^emb_proj\.1\.", "condition_in."),)
-"""Goes before the other rules if the text's projection has no activation before it."""
+def rules_of(*networks: str) -> Rules:
+    """Returns the rules of some parts of the table, in order."""
+    return tuple(rule for network in networks for rule in _NAMES[network])
 
 
 def rename(weights: Mapping[str, Tensor], rules: Rules) -> Weights:
@@ -351,6 +305,6 @@ def _rename(name: str, rules: Rules, weights: Mapping[str, Tensor]) -> str:
     # The second norm of a layer follows cross-attention if there is a third.
     has_third = re.sub(r"\bnorm2\..*", "norm3.weight", name) in weights
     second = "around_cross_attention" if has_third else "around_feed_forward"
-    for pattern, replacement in (*rules, *_LAYERS, (r"\bnorm2\.", f"{second}.norm.")):
+    for pattern, replacement in (*rules, *_NAMES["layers"], (r"\bnorm2\.", f"{second}.norm.")):
         name = re.sub(pattern, replacement, name)
     return name
