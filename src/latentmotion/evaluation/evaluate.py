@@ -226,8 +226,12 @@ class Comparison:
         settings = to_json(provenance_of(self.candidates, self.dataset, self.evaluator))
         settings["versions"].pop("machine")  # the shards may be shared among several
         settings["protocol"] = to_json(self.protocol)
+
+        def shard(number: int) -> ShardContent:
+            return ShardContent(json.dumps(self.replication(number), indent=1).encode(), 1)
+
         tasks = {
-            f"replication-{number:05d}.json": partial(self._shard, number)
+            f"replication-{number:05d}.json": partial(shard, number)
             for number in range(self.protocol.replications)
         }
         return Work(Run(settings, len(tasks), tuple(tasks)), tasks)
@@ -240,9 +244,6 @@ class Comparison:
         """
         names = [record.name for record in manifest.shards]
         return self.report([parse_json(folder.read(name), f"{folder}/{name}") for name in names])
-
-    def _shard(self, number: int) -> ShardContent:
-        return ShardContent(json.dumps(self.replication(number), indent=1).encode(), 1)
 
     def _measure(
         self, candidate: Candidate, replication: Replication, real: Embeddings | None

@@ -117,10 +117,13 @@ def markdown(table: Table, result: TableResult, says: str) -> str:
         figures = measured[row.name].figures if row.name in measured else {}
         cells = [row.title]
         for _, metric, from_paper in columns:
-            if from_paper:
-                cells.append(_published(row, metric))
-            else:
+            value = row.paper.get(metric)
+            if not from_paper:
                 cells.append(cell(figures[metric]) if metric in figures else "–")
+            elif value is None:
+                cells.append(UNSTATED if metric in row.paper else ABSENT)
+            else:
+                cells.append(f"{value:g}")
         lines.append(table_line(cells))
     parts = [
         f"### {table.title}",
@@ -144,13 +147,6 @@ def markdown(table: Table, result: TableResult, says: str) -> str:
 
 ABSENT, UNSTATED = "·", "?"
 """Cells of the paper's columns without a figure."""
-
-
-def _published(row: Row, metric: str) -> str:
-    value = row.paper.get(metric)
-    if value is not None:
-        return f"{value:g}"
-    return UNSTATED if metric in row.paper else ABSENT
 
 
 def number(value: float, like: float | None = None) -> str:

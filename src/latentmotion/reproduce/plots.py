@@ -99,7 +99,8 @@ def training_curves(path: Path, curves: Mapping[str, Mapping[str, Points]]) -> b
         for name, run in curves.items():
             panel.plot(*zip(*run[metric], strict=True), "o-", label=name)
         panel.set(xlabel="Epochs, % of the training", ylabel=metric)
-        _finish(panel)
+        panel.grid(alpha=0.3)
+        panel.legend()
     return save_figure(figure, path)
 
 
@@ -222,11 +223,6 @@ def new_figure(columns: int = 1, width: float | None = None) -> tuple[Any, list[
     figure = Figure(figsize=inches, layout="constrained")
     FigureCanvasAgg(figure)
     return figure, list(np.atleast_1d(figure.subplots(1, columns)))
-
-
-def _finish(panel: Any) -> None:
-    panel.grid(alpha=0.3)
-    panel.legend()
 
 
 def save_figure(figure: Any, path: Path) -> bool:

@@ -190,7 +190,12 @@ def train_classifier(
         InputError: The run folder holds another run.
     """
     dataset = Dataset.load(data)
-    labels = _labels(dataset, experiment)
+    labels = labels_of(dataset, experiment.mirrored_classes)
+    if len(labels) < 2:
+        raise DataError(
+            f"{dataset.folder} has {len(labels)} action labels, a classifier needs 2 or more; "
+            "prepare data with labels, e.g. latentmotion data prepare hdm05"
+        )
     # Measured anew, since a data set may leave its features as they are.
     normalizer = Normalizer.fit(
         [dataset.features(clip) for clip in dataset.clips("train", mirrored=True)],
@@ -243,16 +248,6 @@ def accuracy(recognizer: Recognizer, dataset: Dataset, split: str, frames: int) 
         recognizer.labels[row] == clip.action for row, clip in zip(predicted, clips, strict=True)
     ]
     return sum(hits) / len(hits)
-
-
-def _labels(dataset: Dataset, experiment: ClassifierExperiment) -> tuple[str, ...]:
-    labels = labels_of(dataset, experiment.mirrored_classes)
-    if len(labels) < 2:
-        raise DataError(
-            f"{dataset.folder} has {len(labels)} action labels, a classifier needs 2 or more; "
-            "prepare data with labels, e.g. latentmotion data prepare hdm05"
-        )
-    return labels
 
 
 def _describe(

@@ -105,6 +105,25 @@ class _Asked:
         return self.check.format(side=side, often=often, count=count, steps=steps, way=way)
 
 
+Draw = Callable[[np.random.Generator], _Asked]
+
+_GROUPS: dict[str, Draw] = {
+    "posture": lambda generator: _plain("posture", generator),
+    "action": lambda generator: _plain("action", generator),
+}
+"""What draws an instruction of a group; functions below register themselves."""
+
+
+def _group(name: str) -> Callable[[Draw], Draw]:
+    """Registers what draws the instructions of a group."""
+
+    def register(draw: Draw) -> Draw:
+        _GROUPS[name] = draw
+        return draw
+
+    return register
+
+
 def drawn_instructions(count: int, seed: int) -> list[Instruction]:
     """Returns different prompts with their checks, none of them of the benchmark.
 
@@ -137,6 +156,7 @@ def _action(kind: str, **more: object) -> SingleAction:
     return SingleAction(kind, 0, 60, **more)  # type: ignore[arg-type]
 
 
+@_group("side")
 def _side(generator: np.random.Generator) -> _Asked:
     side = str(_pick(generator, (LEFT, RIGHT)))
     if generator.random() < 0.2:
@@ -153,6 +173,7 @@ def _turned(side: str, degrees: int, check: str, generator: np.random.Generator)
     return _Asked((_action("turn", side=side, degrees=degrees, gait=gait),), check + travel)
 
 
+@_group("turns")
 def _turns(generator: np.random.Generator) -> _Asked:
     side = str(_pick(generator, (LEFT, RIGHT)))
     kind = generator.choice(
@@ -173,6 +194,7 @@ def _turns(generator: np.random.Generator) -> _Asked:
     return _Asked((action,), f"turn({{side}}, {least}, {most}) & travel({far})")
 
 
+@_group("counts")
 def _counts(generator: np.random.Generator) -> _Asked:
     kind = str(_pick(generator, [*_COUNTED, "jump", "kick", "punch", "steps", "steps"]))
     if kind == "steps":
@@ -190,6 +212,7 @@ def _counts(generator: np.random.Generator) -> _Asked:
     return _Asked((_action(kind, count=count, side=side),), f"{name}({{side}}, {{count}})")
 
 
+@_group("order")
 def _orders(generator: np.random.Generator) -> _Asked:
     if generator.random() < 0.2:
         kind = str(_pick(generator, ("kick", "raise", "punch")))
@@ -224,6 +247,7 @@ def _ordered(kind: str, generator: np.random.Generator) -> tuple[SingleAction, s
     return _action(kind, pace=pace, direction=way), name
 
 
+@_group("pace")
 def _paces(generator: np.random.Generator) -> _Asked:
     if generator.random() < 0.2:
         return _plain("pace", generator)
@@ -231,6 +255,7 @@ def _paces(generator: np.random.Generator) -> _Asked:
     return _Asked((_action(kind, pace=pace, direction="forward"),), _PACES[key])
 
 
+@_group("direction")
 def _directions(generator: np.random.Generator) -> _Asked:
     way = str(_pick(generator, ("backward", LEFT, RIGHT)))
     kind = str(_pick(generator, ("walk", "steps", "jump")))
@@ -245,15 +270,3 @@ def _directions(generator: np.random.Generator) -> _Asked:
 def _plain(group: str, generator: np.random.Generator) -> _Asked:
     kind = str(_pick(generator, _PLAIN[group]))
     return _Asked((_action(kind),), _PLAIN[group][kind])
-
-
-_GROUPS: dict[str, Callable[[np.random.Generator], _Asked]] = {
-    "side": _side,
-    "turns": _turns,
-    "counts": _counts,
-    "order": _orders,
-    "pace": _paces,
-    "posture": lambda generator: _plain("posture", generator),
-    "direction": _directions,
-    "action": lambda generator: _plain("action", generator),
-}

@@ -138,7 +138,10 @@ def finetune(
     named = replace(named, denoiser_training=settings.training)
     experiment = stages.with_networks_of(model, named)
     work = output.with_name(f"{output.name}.run")
-    run = FineTuningRun(_hashes(clips), sha256(model / WEIGHTS_FILE), settings)
+    paths = [*find_motions(clips.folder).values(), *sorted(clips.folder.rglob("*.txt"))]
+    files = {path.relative_to(clips.folder).as_posix(): sha256(path) for path in paths}
+    files |= {"captions": sha256(clips.captions)} if clips.captions else {}
+    run = FineTuningRun(files, sha256(model / WEIGHTS_FILE), settings)
     open_run(work, run, context)
     encoder = CachedTextEncoder(find_encoder(card, model), work / "text")
     if context.is_main:
@@ -169,12 +172,6 @@ def finetune(
         package.package_model(trained, replace(read_card(trained), name=output.name), text, output)
     context.wait()
     return work
-
-
-def _hashes(clips: OwnMotions) -> dict[str, str]:
-    paths = [*find_motions(clips.folder).values(), *sorted(clips.folder.rglob("*.txt"))]
-    listed = {path.relative_to(clips.folder).as_posix(): sha256(path) for path in paths}
-    return listed | ({"captions": sha256(clips.captions)} if clips.captions else {})
 
 
 def _prepare(settings: FineTuning, clips: OwnMotions, model: Path, work: Path) -> None:

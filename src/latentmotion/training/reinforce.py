@@ -169,7 +169,13 @@ def reinforce(
         InputError: The run folder holds another run, or data, model and encoder do not fit.
     """
     dataset, model = Dataset.load(data), load_model(source)
-    experiment = _continued(experiment, model, settings)
+    experiment = replace(  # with the model's own networks and sampling
+        experiment,
+        vae=model.card.vae,
+        denoiser=model.card.trained_denoiser,
+        denoiser_training=settings.training,
+        sampling=model.card.sampling,
+    )
     first = FirstStage(model.vae.requires_grad_(False), model.card, sha256(source / WEIGHTS_FILE))
     conditioning = task_conditioning(experiment, dataset, encoder)
     check_fit(experiment, dataset, first, conditioning)
@@ -197,15 +203,3 @@ def reinforce(
         trained_card = second_stage_card(experiment, dataset, card, conditioning, seconds, figures)
         save_model(folder / MODEL, LatentModel(trained_card, model.vae.cpu(), denoiser))
     return folder / MODEL
-
-
-def _continued(experiment: Experiment, model: LatentModel, settings: Reinforcement) -> Experiment:
-    """Returns the experiment with the model's own networks and sampling."""
-    card = model.card
-    return replace(
-        experiment,
-        vae=card.vae,
-        denoiser=card.trained_denoiser,
-        denoiser_training=settings.training,
-        sampling=card.sampling,
-    )

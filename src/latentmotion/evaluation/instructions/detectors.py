@@ -17,10 +17,63 @@ from latentmotion.evaluation.instructions.body import FPS, LEFT, RIGHT, Body, Sp
 Detector = Callable[[Body, str], list[Span]]
 """Motion and side (`left`, `right`, `both` or `any`) to where the act happens."""
 
+Condition = Callable[[Body, Term], bool]
+"""Whether a condition holds for a motion."""
+
 # Units in all detectors: lengths in meters, speeds in m/s, times in seconds, angles in degrees,
 # heights of the pelvis as shares of a standing body's. Pairs such as (-0.1, 0.08) are the lower and
 # upper bound of a hysteresis, so that a limb that trembles at a threshold counts once.
 _OTHER = {LEFT: RIGHT, RIGHT: LEFT}
+
+
+ACTS: dict[str, Detector] = {
+    # Depth of the pelvis below standing, as a share; pitch of the trunk; distance of the wrists.
+    "squat": lambda body, side: swings(1 - body.height, 0.12, 0.25),
+    "bow": lambda body, side: swings(body.pitch, 20, 38),
+    "clap": lambda body, side: swings(-body.hands_apart, -0.33, -0.24),
+    "lie": lambda body, side: spans((body.height < 0.4) & (body.head[:, 1] < 0.55), 0.4),
+    "kneel": lambda body, side: spans(
+        (np.minimum(body.shin(LEFT), body.shin(RIGHT)) < 0.2) & (body.height > 0.35), 0.4
+    ),
+    "crouch": lambda body, side: spans(body.height < 0.82, 0.3, 0.1),
+    "stand": lambda body, side: spans((body.height > 0.9) & (body.pitch < 30), 0.2),
+    "low": lambda body, side: spans(body.height < 0.45, 0.2),
+    "reach_floor": lambda body, side: spans(body.hands_low < 0.35, 0.1),
+    "on_hips": lambda body, side: spans(body.hands_from_hips < 0.24, 0.4, 0.1),
+}
+"""Acts by name; those of more than an expression register themselves below."""
+
+CONDITIONS: dict[str, Condition] = {
+    "way": lambda body, term: body.way >= term.numbers[0],
+    "stays": lambda body, term: body.away <= term.numbers[0],
+    "lasts": lambda body, term: bool(np.mean(body.height < term.numbers[0]) > 0.5),
+    "upright": lambda body, term: bool(np.mean((body.height > 0.88) & (body.pitch < 25)) > 0.9),
+    "hunched": lambda body, term: bool(np.median(body.pitch) > 15 or np.median(body.height) < 0.93),
+    "motionless": lambda body, term: bool(
+        np.mean((body.speed < 0.2) & (body.busy < 0.6)) > 0.85 and np.ptp(body.heading) < 0.5
+    ),
+}
+"""Conditions on a whole motion, by name; others register themselves below."""
+
+
+def _act(name: str, of_sides: bool = False) -> Callable[[Detector], Detector]:
+    """Registers the detector of an act; with `of_sides` it finds the act of one given side."""
+
+    def register(detect: Detector) -> Detector:
+        ACTS[name] = _of_sides(detect) if of_sides else detect
+        return detect
+
+    return register
+
+
+def _condition(name: str) -> Callable[[Condition], Condition]:
+    """Registers a condition."""
+
+    def register(holds: Condition) -> Condition:
+        CONDITIONS[name] = holds
+        return holds
+
+    return register
 
 
 def fulfills(body: Body, check: Check) -> bool:
@@ -56,7 +109,7 @@ def _events(body: Body, term: Term) -> list[Span]:
     return ACTS[term.name](body, side)
 
 
-def _of_sides(detect: Callable[[Body, str], list[Span]]) -> Detector:
+def _of_sides(detect: Detector) -> Detector:
     """Returns a detector of either side from that of one, whose other side must do less of it."""
 
     def detector(body: Body, side: str) -> list[Span]:
@@ -68,6 +121,7 @@ def _of_sides(detect: Callable[[Body, str], list[Span]]) -> Detector:
     return detector
 
 
+@_act("raise")
 def _raise(body: Body, side: str) -> list[Span]:
     left, right = body.hand(LEFT), body.hand(RIGHT)
     if side == "both":
@@ -94,6 +148,7 @@ def _wave_of(body: Body, side: str) -> list[Span]:
     return waves
 
 
+@_act("wave")
 def _wave(body: Body, side: str) -> list[Span]:
     left, right = _wave_of(body, LEFT), _wave_of(body, RIGHT)
     if side == "any":
@@ -104,6 +159,7 @@ def _wave(body: Body, side: str) -> list[Span]:
     return waves if sum(e - s for s, e in waves) > 1.5 * sum(e - s for s, e in other) else []
 
 
+@_act("punch", of_sides=True)
 def _punch_of(body: Body, side: str) -> list[Span]:
     """A fist that shoots out: the arm gets straight fast, at the height of chest or head."""
     wrist = body.wrist(side)
@@ -121,6 +177,7 @@ def _punch_of(body: Body, side: str) -> list[Span]:
     return punches
 
 
+@_act("kick", of_sides=True)
 def _kick_of(body: Body, side: str) -> list[Span]:
     """A foot far from the body and off the floor with the leg stretched, the other one standing."""
     ankle, height = body.ankle(side), body.foot(side)
@@ -138,6 +195,7 @@ def _kick_of(body: Body, side: str) -> list[Span]:
     ]
 
 
+@_act("knee", of_sides=True)
 def _knee_of(body: Body, side: str) -> list[Span]:
     """A knee near the height of the hip, the shin hanging, on a standing leg."""
     # The knee at most 45 % of a thigh's length below the hip; over once it is 70 % below.
@@ -145,6 +203,7 @@ def _knee_of(body: Body, side: str) -> list[Span]:
     return swings(np.where(standing, -body.knee(side), -1.0), -0.7, -0.45)
 
 
+@_act("one_leg", of_sides=True)
 def _one_leg_of(body: Body, side: str) -> list[Span]:
     """Standing on one foot for at least a second."""
     other = _OTHER[side]
@@ -163,6 +222,7 @@ def _flights(body: Body) -> list[Span]:
     return flights
 
 
+@_act("jump")
 def _jump(body: Body, side: str) -> list[Span]:
     """Flights that begin and end with both feet near each other, unlike a runner's."""
     jumps = []
@@ -176,6 +236,7 @@ def _jump(body: Body, side: str) -> list[Span]:
     return jumps
 
 
+@_act("hop", of_sides=True)
 def _hop_of(body: Body, side: str) -> list[Span]:
     """Flights from one foot to the same one."""
     other = _OTHER[side]
@@ -186,6 +247,7 @@ def _hop_of(body: Body, side: str) -> list[Span]:
     ]
 
 
+@_act("turn")
 def _turning(body: Body, side: str) -> list[Span]:
     """Turns to one side by more than 25 degrees, throughout faster than 15 degrees per second."""
     rate = np.degrees(np.gradient(body.heading)) * FPS
@@ -197,6 +259,7 @@ def _turning(body: Body, side: str) -> list[Span]:
     return sorted(turns)
 
 
+@_act("go")
 def _going(body: Body, side: str) -> list[Span]:
     """Half a second in one direction of the body: forward, backward, left or right."""
     ahead, left = body.velocity.T
@@ -209,6 +272,7 @@ def _going(body: Body, side: str) -> list[Span]:
     return spans((along > 0.2) & (along > np.abs(across)), 0.4, 0.2)
 
 
+@_act("step")
 def _step(body: Body, side: str) -> list[Span]:
     """A foot that is set 15 cm or more away."""
     steps = []
@@ -222,6 +286,7 @@ def _step(body: Body, side: str) -> list[Span]:
     return sorted(steps)
 
 
+@_act("sit")
 def _sit(body: Body, side: str) -> list[Span]:
     """A low pelvis with the feet well before it, or on the floor, and the trunk up."""
     # On a chair the feet are before the hips and a thigh is near level; on the floor (height below
@@ -232,6 +297,7 @@ def _sit(body: Body, side: str) -> list[Span]:
     return spans(low & (body.pitch < 60), 0.4, 0.2)
 
 
+@_act("jack")
 def _jack(body: Body, side: str) -> list[Span]:
     """Arms that go up while the legs go apart."""
     up = swings(np.minimum(body.hand(LEFT), body.hand(RIGHT)), -0.1, 0.1)
@@ -240,32 +306,38 @@ def _jack(body: Body, side: str) -> list[Span]:
     return [(s, e) for s, e in up if wide[max(s - 4, 0) : e].max() > 1.5 * wide.min() + 0.1]
 
 
+@_act("touch_head", of_sides=True)
 def _touch_head_of(body: Body, side: str) -> list[Span]:
     wrist = body.joints[:, 20 + (side == RIGHT)]
     # The wrist is a hand's length from the head, whose joint is at its base.
     return spans(np.linalg.norm(wrist - body.head, axis=-1) < 0.28, 0.15, 0.2)
 
 
+@_act("still")
 def _still(body: Body, side: str) -> list[Span]:
     # Below the speed of any step and of any gesture; swaying stays below both.
     return spans((body.speed < 0.2) & (body.busy < 0.45), 0.4, 0.1)
 
 
+@_act("run")
 def _run(body: Body, side: str) -> list[Span]:
     # People change from walking to running at about 2 m/s; the bounds of both overlap around it.
     return spans(body.speed > 1.8, 0.4, 0.2)
 
 
+@_act("walk")
 def _walk(body: Body, side: str) -> list[Span]:
     return spans((body.speed > 0.3) & (body.speed < 1.9) & (body.height > 0.8), 0.5, 0.2)
 
 
+@_act("crawl")
 def _crawl(body: Body, side: str) -> list[Span]:
     """Hands and knees on the floor while the body moves."""
     down = np.maximum(body.shin(LEFT), body.shin(RIGHT)) < 0.3
     return spans((body.hands_up < 0.3) & down & (body.speed > 0.1), 0.6, 0.3)
 
 
+@_act("arms_out")
 def _arms_out(body: Body, side: str) -> list[Span]:
     """Both arms stretched to the sides at the height of the shoulders."""
     out = [body.wrist(LEFT)[:, 0], -body.wrist(RIGHT)[:, 0]]
@@ -273,46 +345,11 @@ def _arms_out(body: Body, side: str) -> list[Span]:
     return spans((np.minimum(*out) > 0.7 * body.arm) & level[0] & level[1], 0.3, 0.1)
 
 
-ACTS: dict[str, Detector] = {
-    "raise": _raise,
-    "wave": _wave,
-    "punch": _of_sides(_punch_of),
-    "kick": _of_sides(_kick_of),
-    "knee": _of_sides(_knee_of),
-    "one_leg": _of_sides(_one_leg_of),
-    "hop": _of_sides(_hop_of),
-    "touch_head": _of_sides(_touch_head_of),
-    "jump": _jump,
-    "turn": _turning,
-    "go": _going,
-    "step": _step,
-    # Depth of the pelvis below standing, as a share; pitch of the trunk; distance of the wrists.
-    "squat": lambda body, side: swings(1 - body.height, 0.12, 0.25),
-    "bow": lambda body, side: swings(body.pitch, 20, 38),
-    "clap": lambda body, side: swings(-body.hands_apart, -0.33, -0.24),
-    "jack": _jack,
-    "sit": _sit,
-    "lie": lambda body, side: spans((body.height < 0.4) & (body.head[:, 1] < 0.55), 0.4),
-    "kneel": lambda body, side: spans(
-        (np.minimum(body.shin(LEFT), body.shin(RIGHT)) < 0.2) & (body.height > 0.35), 0.4
-    ),
-    "crouch": lambda body, side: spans(body.height < 0.82, 0.3, 0.1),
-    "stand": lambda body, side: spans((body.height > 0.9) & (body.pitch < 30), 0.2),
-    "low": lambda body, side: spans(body.height < 0.45, 0.2),
-    "reach_floor": lambda body, side: spans(body.hands_low < 0.35, 0.1),
-    "crawl": _crawl,
-    "arms_out": _arms_out,
-    "on_hips": lambda body, side: spans(body.hands_from_hips < 0.24, 0.4, 0.1),
-    "still": _still,
-    "walk": _walk,
-    "run": _run,
-}
-"""Acts by name."""
-
 _LASTING = {"stand", "still", "walk", "run", "go", "step"}
 """Acts that also are what a body does before others."""
 
 
+@_condition("net")
 def _net_turn(body: Body, term: Term) -> bool:
     """Whether the net turn lies between two angles in degrees, to one side or to either."""
     net = float(np.degrees(body.heading[-1] - body.heading[0]))
@@ -320,6 +357,7 @@ def _net_turn(body: Body, term: Term) -> bool:
     return term.numbers[0] <= net <= term.numbers[1]
 
 
+@_condition("pace")
 def _pace(body: Body, term: Term) -> bool:
     """Median speed of what moves between two numbers, m/s."""
     moving = body.speed[body.speed > 0.2]
@@ -327,22 +365,26 @@ def _pace(body: Body, term: Term) -> bool:
     return term.numbers[0] <= usual <= term.numbers[1]
 
 
+@_condition("faster")
 def _faster(body: Body, term: Term) -> bool:
     third = body.frames // 3
     # From the first to the last third by 30 %, and by 0.1 m/s where the body hardly moves.
     return bool(body.speed[-third:].mean() > 1.3 * body.speed[:third].mean() + 0.1)
 
 
+@_condition("slower")
 def _slower(body: Body, term: Term) -> bool:
     third = body.frames // 3
     return bool(body.speed[:third].mean() > 1.3 * body.speed[-third:].mean() + 0.1)
 
 
+@_condition("stops")
 def _stops(body: Body, term: Term) -> bool:
     # The last 5 frames are a quarter of a second.
     return bool(body.speed[-5:].mean() < 0.3 and body.speed.max() > 0.5)
 
 
+@_condition("on_the_spot")
 def _on_the_spot(body: Body, term: Term) -> bool:
     """Feet that are lifted in turn, four times or more, while the body stays."""
     # A step lifts its foot by 7 cm; `stays` leaves out walks.
@@ -353,11 +395,13 @@ def _on_the_spot(body: Body, term: Term) -> bool:
     return bool(min(lifts) >= 2 and in_turn and stays)
 
 
+@_condition("both_ways")
 def _both_ways(body: Body, term: Term) -> bool:
     """Turns to the left and to the right."""
     return bool(_turning(body, LEFT) and _turning(body, RIGHT))
 
 
+@_condition("returns")
 def _returns(body: Body, term: Term) -> bool:
     """Ends nearer to the start than the farthest point by 40 % or more."""
     path = body.joints[:, 0][:, [0, 2]]
@@ -365,33 +409,12 @@ def _returns(body: Body, term: Term) -> bool:
     return bool(far[-1] < 0.6 * far.max())
 
 
+@_condition("heads")
 def _heads(body: Body, term: Term) -> bool:
     """Two thirds of the path lead in one direction of the body, or to the sides."""
     ahead, left = body.velocity.T
     along = {"forward": ahead, "backward": -ahead, LEFT: left, RIGHT: -left, "sideways": abs(left)}
     return bool(along[term.words[0]].sum() > 0.65 * body.speed.sum())
-
-
-CONDITIONS: dict[str, Callable[[Body, Term], bool]] = {
-    "net": _net_turn,
-    "pace": _pace,
-    "way": lambda body, term: body.way >= term.numbers[0],
-    "stays": lambda body, term: body.away <= term.numbers[0],
-    "faster": _faster,
-    "slower": _slower,
-    "stops": _stops,
-    "on_the_spot": _on_the_spot,
-    "both_ways": _both_ways,
-    "returns": _returns,
-    "heads": _heads,
-    "lasts": lambda body, term: bool(np.mean(body.height < term.numbers[0]) > 0.5),
-    "upright": lambda body, term: bool(np.mean((body.height > 0.88) & (body.pitch < 25)) > 0.9),
-    "hunched": lambda body, term: bool(np.median(body.pitch) > 15 or np.median(body.height) < 0.93),
-    "motionless": lambda body, term: bool(
-        np.mean((body.speed < 0.2) & (body.busy < 0.6)) > 0.85 and np.ptp(body.heading) < 0.5
-    ),
-}
-"""Conditions on a whole motion, by name."""
 
 
 def _reversals(curve: np.ndarray, least: float) -> int:

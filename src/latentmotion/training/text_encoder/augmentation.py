@@ -34,8 +34,13 @@ def vary(caption: TaggedCaption, words: Sequence[str], generator: random.Random)
         words: English words, one of which replaces a random word in one variation of five.
         generator: Draws every choice.
     """
-    form = generator.choice((None, _one_clause, _imperative))
-    text = form(caption, generator) if form else caption.text
+    form = generator.choice((None, "clause", "imperative"))
+    text = caption.text
+    if form == "clause":
+        clauses = [clause for clause in _CLAUSES.split(text) if clause]
+        text = generator.choice(clauses) if clauses else text
+    elif form == "imperative":
+        text = _imperative(caption, generator)
     if generator.random() < 0.6:
         text = _SUBJECT.sub(generator.choice(_WORDS["subjects"]), text)
     if generator.random() < 0.6:
@@ -81,11 +86,6 @@ def plain_phrases(
     ]
     phrases += [f"{generator.choice(verbs)} {generator.choice(nouns)}" for _ in nouns]
     return phrases + nouns + list(words)
-
-
-def _one_clause(caption: TaggedCaption, generator: random.Random) -> str:
-    clauses = [clause for clause in _CLAUSES.split(caption.text) if clause]
-    return generator.choice(clauses) if clauses else caption.text
 
 
 def _imperative(caption: TaggedCaption, generator: random.Random) -> str:
