@@ -20,7 +20,7 @@ from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.kinematics.standing import Stated
 from latentmotion.motion import Motion
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
-from latentmotion.training.captioning.file_names import captions_of_names
+from latentmotion.training.captioning.described import captions_of_names
 from tests.support.mocap_folders import swaying, with_t_pose, write_own
 
 SOURCE = Source("own", "mine", "me")

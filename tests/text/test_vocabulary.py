@@ -12,14 +12,16 @@ import pytest
 
 from latentmotion.errors import DataError
 from latentmotion.text.encoder import split_words
-from latentmotion.text.vocabulary import (
+from latentmotion.training.text_encoder.augmentation import plain_phrases, vary
+from latentmotion.training.text_encoder.data import (
     frequent_words,
+    is_held_out,
+    parse_line,
     pieces_to_keep,
     places_in,
+    read_captions,
     restrict,
 )
-from latentmotion.training.text_encoder.augmentation import plain_phrases, vary
-from latentmotion.training.text_encoder.data import is_held_out, parse_line, read_captions
 from tests.support.tiny_text import CAPTIONS, teacher_tokenizer
 
 LINE = "A man kicks.#a/DET man/NOUN kick/VERB#0.0#0.0"

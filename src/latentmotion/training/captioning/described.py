@@ -9,11 +9,12 @@ their captions, and get measured ones only where they have none.
 from __future__ import annotations
 
 import csv
+import re
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 from jaxtyping import Float
@@ -26,6 +27,7 @@ from latentmotion.data.report import REPORT, Report, parts_of, read_report
 from latentmotion.data.sources.own import OwnMotions, find_motions
 from latentmotion.data.store import MANIFEST, CaptionRow, StoredClip
 from latentmotion.errors import DataError
+from latentmotion.language.inflection import third_person
 from latentmotion.language.words import plain
 from latentmotion.measure.scene import describe
 from latentmotion.ranking.agreement import check as check_agreement
@@ -33,9 +35,15 @@ from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.storage.configuration import write_json
 from latentmotion.storage.files import atomic_file, atomic_folder
 from latentmotion.training.captioning import singles
-from latentmotion.training.captioning.file_names import captions_of_names
 from latentmotion.training.captioning.rewording import rewordings as reworded_texts
 from latentmotion.training.captioning.sentences import sentences
+from latentmotion.training.captioning.verbs import (
+    BASE_OF_PARTICIPLE,
+    BASE_OF_THIRD,
+    TABLE,
+    VERBS,
+    word_set,
+)
 from latentmotion.training.captioning.windows import Windows, caption_windows
 
 COLUMNS = ("file", "caption", "from", "to")
@@ -328,3 +336,53 @@ def _seconds(start: int, end: int, frames: int, before: float = 0.0) -> tuple[fl
     """Returns seconds for a CSV: zero in both for a motion that begins its file and is whole."""
     whole = end - start == frames and before == 0
     return (0.0, 0.0) if whole else (before + start / FPS, before + end / FPS)
+
+
+_FILLING, _DIRECTIONS = word_set("filling"), word_set("directions")
+_MANNERS: Mapping[str, str] = TABLE["manners"]
+
+_VERBS: Mapping[str, str] = {
+    **dict(zip(VERBS, VERBS, strict=True)),
+    **BASE_OF_THIRD,
+    **BASE_OF_PARTICIPLE,
+}
+"""Base forms by forms of a verb."""
+
+
+def captions_of_names(files: Iterable[str]) -> dict[str, str]:
+    """Returns a caption for each file, by its path; empty where its name says nothing.
+
+    `dataset-1_bow_angry_001` becomes "a person bows angrily". What all names share says nothing,
+    nor do numbers and words such as `take`. The first verb makes a sentence; manners and
+    directions follow it. Names without a verb stay words.
+
+    Args:
+        files: Paths of all files of a folder.
+    """
+    words = {file: _words_of_name(PurePath(file).stem) for file in files}
+    shared = set.intersection(*map(set, words.values())) if len(words) > 1 else set()
+    shared -= _VERBS.keys()  # of turn_left and turn_right, both turn
+    if any(not set(row) - shared - _FILLING for row in words.values()):
+        shared = set()  # names that differ by their numbers alone
+    return {
+        file: _sentence_of([word for word in row if word not in shared | _FILLING])
+        for file, row in words.items()
+    }
+
+
+def _words_of_name(stem: str) -> list[str]:
+    spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", stem)
+    return [word for word in re.split(r"[\W\d_]+", spaced.lower()) if len(word) > 1]
+
+
+def _sentence_of(words: list[str]) -> str:
+    at = next((number for number, word in enumerate(words) if word in _VERBS), None)
+    if at is None:
+        return " ".join(words)
+    manners = [_MANNERS[word] for word in words if word in _MANNERS]
+    behind = [word for word in words[:at] if word in _DIRECTIONS]
+    behind += [word for word in words[at + 1 :] if word not in _MANNERS]
+    for number, word in enumerate(behind[1:], 1):
+        if behind[number - 1] in ("and", "then") and word in _VERBS:
+            behind[number] = third_person(_VERBS[word])
+    return " ".join(filter(None, ["a person", third_person(_VERBS[words[at]]), *behind, *manners]))

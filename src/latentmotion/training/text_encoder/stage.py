@@ -33,7 +33,6 @@ from latentmotion.export.text_encoder import export_student
 from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
 from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, teacher_state
 from latentmotion.storage.files import atomic_file
-from latentmotion.text import vocabulary
 from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning, split_words
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import TrainingSettings
@@ -176,15 +175,15 @@ def train_text_encoder(
     large.no_padding()
     large.enable_truncation(recipe.positions)
     texts = [caption.text for caption in captions]
-    pieces = vocabulary.pieces_to_keep(large, texts, recipe.words, recipe.continuations)
-    small = vocabulary.restrict(large, pieces, recipe.positions)
+    pieces = text_data.pieces_to_keep(large, texts, recipe.words, recipe.continuations)
+    small = text_data.restrict(large, pieces, recipe.positions)
     sentences = training_sentences(captions, large, recipe)
     targets = text_data.teacher_targets(folder / "targets", sentences, large, teacher, context)
     data = text_data.TrainingSet(_ids(small, sentences), aligned(sentences, large, small), targets)
     measured = text_data.ValidationSentences(
         held_out, _ids(small, held_out), teacher(held_out).pooled
     )
-    network = first_network(recipe, teacher.model, vocabulary.places_in(large, small))
+    network = first_network(recipe, teacher.model, text_data.places_in(large, small))
     stage = TextEncoderStage(network, data, measured, recipe.training, context)
     network, _ = train(stage, recipe.training, folder, context)
     encoder = folder / "encoder"
@@ -222,7 +221,7 @@ def training_sentences(
         recipe: Number of frequent words, and the seed of the variations.
     """
     generator = random.Random(recipe.training.seed)
-    words = vocabulary.frequent_words(tokenizer, recipe.words)
+    words = text_data.frequent_words(tokenizer, recipe.words)
     train = [caption for caption in captions if not text_data.is_held_out(caption.text)]
     sentences = [caption.text for caption in train]
     sentences += [vary(caption, words, generator) for caption in train]
