@@ -24,7 +24,6 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
 )
 from latentmotion.evaluation.evaluators.words import EncodedWords
 from latentmotion.training.evaluator import (
-    RECIPES,
     EvaluatorExperiment,
     EvaluatorStage,
     fit_to,
@@ -53,7 +52,7 @@ SMALLER = {
 
 def tiny(**changes: object) -> EvaluatorExperiment:
     every = {**SMALLER, **changes}
-    return with_changes(RECIPES["small"](), [f"{k}={json.dumps(v)}" for k, v in every.items()])
+    return with_changes(recipe_named("small"), [f"{k}={json.dumps(v)}" for k, v in every.items()])
 
 
 @dataclass(frozen=True)
@@ -159,7 +158,7 @@ def test_it_learns_which_sentence_tells_of_which_motion(figures: Path, tmp_path:
 
 
 def test_sizes_follow_data_and_words(figures: Path) -> None:
-    fitted = fit_to(RECIPES["t2m"]().networks, Dataset.load(figures), LETTERS)
+    fitted = fit_to(recipe_named("t2m").networks, Dataset.load(figures), LETTERS)
     assert (fitted.features, fitted.left_out, fitted.word_width) == (263, 4, 5)
 
 
@@ -177,7 +176,7 @@ def test_a_scorer_is_trained_with_hard_negatives(figures: Path, tmp_path: Path) 
     settings = {f"networks.{key}": value for key, value in changes.items()}
     settings |= {key: value for key, value in SMALLER.items() if key.startswith("training")}
     experiment = with_changes(
-        RECIPES["scorer"](), [f"{key}={value}" for key, value in settings.items()]
+        recipe_named("scorer"), [f"{key}={value}" for key, value in settings.items()]
     )
     folder = train_evaluator(experiment, figures, LETTERS, tmp_path / "run", CONTEXT)
     assert folder.is_dir() and len(read_journal(tmp_path / "run")) == 8

@@ -6,6 +6,7 @@ three networks are trained together. With several ranks each contrasts its own s
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -34,6 +35,7 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
     top_hits,
 )
 from latentmotion.evaluation.evaluators.words import GloveWords, Sentences, WordVectors
+from latentmotion.storage.configuration import from_json
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.hard_negatives import HardBatchSampler, HardNegatives
@@ -75,58 +77,19 @@ class EvaluatorExperiment:
         return [Cropping(FRAMES, frames) for frames in self.longest]
 
 
-def t2m() -> EvaluatorExperiment:
-    """Sizes of the official evaluator, for data sets as large as HumanML3D and KIT."""
-    training = TrainingSettings(
-        steps=50_000, batch_size=64, learning_rate=2e-4, warm_up=500, ema_decay=0.0, sample_every=0
-    )
-    return EvaluatorExperiment("t2m", TextMotionConfig(), InfoNCE(), training)
-
-
-def small() -> EvaluatorExperiment:
-    """For some hundred clips: vectors of 64 numbers, so that FID has fewer numbers than clips."""
-    networks = TextMotionConfig(movement_width=256, motion_hidden=256, text_hidden=256, width=64)
-    training = TrainingSettings(
-        steps=800, batch_size=64, warm_up=50, ema_decay=0.99, validate_every=50, sample_every=0
-    )
-    return EvaluatorExperiment("small", networks, InfoNCE(), training, longest=(64, 196))
-
-
-def scorer() -> EvaluatorExperiment:
-    """Small towers of unit vectors that tell sides, turns and counts apart, to score takes."""
-    training = TrainingSettings(
-        steps=4000,
-        batch_size=128,
-        learning_rate=1e-3,
-        warm_up=100,
-        ema_decay=0.99,
-        report_every=20,
-        validate_every=200,
-        snapshot_every=100,
-        sample_every=0,
-    )
-    networks, objective = TowerConfig(), InfoNCE(temperature=0.1)
-    return EvaluatorExperiment(
-        "scorer", networks, objective, training, hard=HardNegatives(), draws=RarityDraws(0.6)
-    )
-
-
-RECIPES: dict[str, Callable[[], EvaluatorExperiment]] = {
-    "t2m": t2m,
-    "small": small,
-    "scorer": scorer,
-}
+RECIPES = tomllib.loads(Path(__file__).with_name("evaluators.toml").read_text(encoding="utf-8"))
+"""Settings of the presets by name."""
 
 
 def recipe_named(name: str) -> EvaluatorExperiment:
-    """Returns a recipe.
+    """Returns a preset.
 
     Raises:
         InputError: There is none of this name; the nearest is named.
     """
     if name not in RECIPES:
         raise InputError(f"unknown preset {name!r}; {hint(name, RECIPES)}")
-    return RECIPES[name]()
+    return from_json(EvaluatorExperiment, {"name": name, **RECIPES[name]})
 
 
 LONGEST = 196

@@ -34,15 +34,15 @@ _STAGES = {
 _SPEEDS = {"walk": (0.8, 0.85, 1.35, 1.4), "jog": (1.9, 2.0, 2.6, 2.7), "run": (0.0, 2.7, 3.3, 3.6)}
 """Speeds, m/s: below the first is slow, between the next two normal, above the last fast."""
 
-LOCOMOTION_CHECKS: dict[str, Check] = {}
-"""Checks by kind of action."""
+CHECKS: dict[str, Check] = {}
+"""Checks by kind of action; `strictness` adds those of acts and postures."""
 
 
-def _checks(*kinds: str) -> Callable[[Check], Check]:
+def checks(*kinds: str) -> Callable[[Check], Check]:
     """Registers the check of some kinds of actions."""
 
     def register(function: Check) -> Check:
-        LOCOMOTION_CHECKS.update(dict.fromkeys(kinds, function))
+        CHECKS.update(dict.fromkeys(kinds, function))
         return function
 
     return register
@@ -78,7 +78,7 @@ def _is_straight(scene: Measured, turned: float) -> bool:
     )
 
 
-@_checks("walk", "jog", "run")
+@checks("walk", "jog", "run")
 def _gait(action: SingleAction, scene: Measured) -> SingleAction | None:
     kinds = {"walk"} if action.kind == "walk" else {"jog", "run"}
     if reportable_kinds(scene) - CALM - kinds or not _is_upright(scene):
@@ -100,7 +100,7 @@ def _gait(action: SingleAction, scene: Measured) -> SingleAction | None:
     )
 
 
-@_checks("turn", "circle", "half_circle")
+@checks("turn", "circle", "half_circle")
 def _turn(action: SingleAction, scene: Measured) -> SingleAction | None:
     facts, net = scene, scene.path.turned
     turns, length, degrees = facts.turns, facts.path.length, abs(net)
@@ -130,7 +130,7 @@ def _turn(action: SingleAction, scene: Measured) -> SingleAction | None:
     return replace(action, degrees=degrees) if shown else None
 
 
-@_checks("walk_then_turn", "turn_then_walk", "turn_and_return")
+@checks("walk_then_turn", "turn_then_walk", "turn_and_return")
 def _turn_with_gait(action: SingleAction, scene: Measured) -> SingleAction | None:
     """Checks a turn with 0.5 m and more of a straight path before it, after it or both."""
     turns, degrees = scene.turns, abs(scene.path.turned)
@@ -154,7 +154,7 @@ def _turn_with_gait(action: SingleAction, scene: Measured) -> SingleAction | Non
     return replace(action, degrees=degrees) if shown else None
 
 
-@_checks(*_STAGES)
+@checks(*_STAGES)
 def _change(action: SingleAction, scene: Measured) -> SingleAction | None:
     """Checks a start, a stop, or a change of gait: the moves are these two, straight."""
     other_kinds = reportable_kinds(scene) - CALM - _GAITS - {"turn"}
@@ -175,7 +175,7 @@ def _change(action: SingleAction, scene: Measured) -> SingleAction | None:
     return replace(action, direction=directions.pop())
 
 
-@_checks("speed_up", "slow_down")
+@checks("speed_up", "slow_down")
 def _paces(action: SingleAction, scene: Measured) -> SingleAction | None:
     moves = scene.moves
     if reportable_kinds(scene) - CALM - _GAITS:
@@ -190,7 +190,7 @@ def _paces(action: SingleAction, scene: Measured) -> SingleAction | None:
     return replace(action, gait=gaits.pop(), direction="forward") if len(gaits) == 1 else None
 
 
-@_checks("weave")
+@checks("weave")
 def _weaves(action: SingleAction, scene: Measured) -> SingleAction | None:
     if reportable_kinds(scene) - CALM - _GAITS - {"turn"} or not _is_upright(scene):
         return None
@@ -204,7 +204,7 @@ def _weaves(action: SingleAction, scene: Measured) -> SingleAction | None:
     return action if swings >= 2 and kinds == {action.gait} else None
 
 
-@_checks("steps")
+@checks("steps")
 def _steps(action: SingleAction, scene: Measured) -> SingleAction | None:
     if reportable_kinds(scene) - CALM - {"walk"} or scene.turns or not _is_upright(scene):
         return None
@@ -216,7 +216,7 @@ def _steps(action: SingleAction, scene: Measured) -> SingleAction | None:
     return replace(action, direction=direction) if abs(scene.path.turned) <= 30 else None
 
 
-@_checks("sneak")
+@checks("sneak")
 def _sneaks(action: SingleAction, scene: Measured) -> SingleAction | None:
     low = stooped(scene.signals)
     postures = {posture.kind for posture in scene.postures}

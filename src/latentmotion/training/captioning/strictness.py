@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from latentmotion.measure.facts import BOTH, LEFT, RIGHT, SIDES, Event, SingleAc
 from latentmotion.measure.scene import Measured, highest_hand, in_place, meters, reportable_kinds
 from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stillness
-from latentmotion.training.captioning.strict_locomotion import CALM, LOCOMOTION_CHECKS, Check
+from latentmotion.training.captioning.strict_locomotion import CALM, CHECKS, checks
 
 _PUNCH_SPEED = 2.1
 """Meters per second at which a punching fist leaves its shoulder; gestures are slower."""
@@ -40,9 +39,6 @@ _LIMITS = {
 }
 """Limits by kind of action."""
 
-_CHECKS: dict[str, Check] = {}
-"""Checks of acts and postures by kind of action."""
-
 
 def strictly(action: SingleAction, scene: Measured) -> SingleAction | None:
     """Returns the action as its window shows it, measured anew; None where it shows more, or less.
@@ -51,24 +47,12 @@ def strictly(action: SingleAction, scene: Measured) -> SingleAction | None:
         action: A candidate.
         scene: The measurements of its window alone.
     """
-    if action.kind in LOCOMOTION_CHECKS:
-        return LOCOMOTION_CHECKS[action.kind](action, scene)
-    limits, path = _LIMITS[action.kind], scene.path
-    if path.length > limits.travel or abs(path.turned) > limits.turned:
+    limits, path = _LIMITS.get(action.kind), scene.path  # locomotion has none
+    if limits and (path.length > limits.travel or abs(path.turned) > limits.turned):
         return None
-    if reportable_kinds(scene) - limits.also:
+    if limits and reportable_kinds(scene) - limits.also:
         return None
-    return _CHECKS[action.kind](action, scene)
-
-
-def _checks(*kinds: str) -> Callable[[Check], Check]:
-    """Registers the check of some kinds of actions."""
-
-    def register(function: Check) -> Check:
-        _CHECKS.update(dict.fromkeys(kinds, function))
-        return function
-
-    return register
+    return CHECKS[action.kind](action, scene)
 
 
 def _of_side(action: SingleAction, events: list[Event]) -> bool:
@@ -77,14 +61,14 @@ def _of_side(action: SingleAction, events: list[Event]) -> bool:
     return bool(events) and (action.side not in SIDES or sides == {action.side})
 
 
-@_checks("clap", "jack", "bow")
+@checks("clap", "jack", "bow")
 def _repeated(action: SingleAction, scene: Measured) -> SingleAction | None:
     events = scene.all_of(action.kind)
     count = sum(event.count for event in events)
     return action if _of_side(action, events) and count == action.count else None
 
 
-@_checks("squat")
+@checks("squat")
 def _squats(action: SingleAction, scene: Measured) -> SingleAction | None:
     events = scene.all_of("squat")
     planted = float(scene.signals.feet.max()) < 0.15
@@ -92,7 +76,7 @@ def _squats(action: SingleAction, scene: Measured) -> SingleAction | None:
     return action if planted and shown else None
 
 
-@_checks("jump", "hop")
+@checks("jump", "hop")
 def _jumps(action: SingleAction, scene: Measured) -> SingleAction | None:
     events = scene.all_of("jump", "hop")
     if len(events) != action.count or any(e.amount < limits("rise")[e.kind] for e in events):
@@ -113,7 +97,7 @@ def _jumps(action: SingleAction, scene: Measured) -> SingleAction | None:
     return replace(action, direction=direction if far else "")
 
 
-@_checks("kick")
+@checks("kick")
 def _kicks(action: SingleAction, scene: Measured) -> SingleAction | None:
     events = scene.all_of("kick")
     if not _of_side(action, events) or len(events) != action.count or scene.all_of("hop"):
@@ -122,7 +106,7 @@ def _kicks(action: SingleAction, scene: Measured) -> SingleAction | None:
     return replace(action, direction=directions.pop() if len(directions) == 1 else "")
 
 
-@_checks("punch")
+@checks("punch")
 def _punches(action: SingleAction, scene: Measured) -> SingleAction | None:
     events = scene.all_of("punch")
     if len(events) != action.count or scene.all_of("wave"):
@@ -133,7 +117,7 @@ def _punches(action: SingleAction, scene: Measured) -> SingleAction | None:
     return action if right and quick else None
 
 
-@_checks("wave")
+@checks("wave")
 def _waves(action: SingleAction, scene: Measured) -> SingleAction | None:
     others = [side for side in SIDES if action.side not in (side, BOTH)]
     others_down = all(highest_hand(scene, side) < 0.05 for side in others)
@@ -142,7 +126,7 @@ def _waves(action: SingleAction, scene: Measured) -> SingleAction | None:
     return action if right and others_down and calm else None
 
 
-@_checks("raise")
+@checks("raise")
 def _raises(action: SingleAction, scene: Measured) -> SingleAction | None:
     events = scene.all_of("raise")
     if scene.all_of("wave", "punch", "clap", "arm_circle") or len(events) != action.count:
@@ -156,7 +140,7 @@ def _raises(action: SingleAction, scene: Measured) -> SingleAction | None:
     return replace(action, direction=directions.pop() if len(directions) == 1 else "")
 
 
-@_checks("knee")
+@checks("knee")
 def _knees(action: SingleAction, scene: Measured) -> SingleAction | None:
     events = scene.all_of("knee")
     if scene.all_of("kick", "hop", "jump") or len(events) != action.count:
@@ -166,7 +150,7 @@ def _knees(action: SingleAction, scene: Measured) -> SingleAction | None:
     return action if shown else None
 
 
-@_checks("march", "jog_in_place")
+@checks("march", "jog_in_place")
 def _marches(action: SingleAction, scene: Measured) -> SingleAction | None:
     if not in_place(scene, 0.6):
         return None
@@ -174,14 +158,14 @@ def _marches(action: SingleAction, scene: Measured) -> SingleAction | None:
     return action if min(lifts) >= 2 and sum(lifts) >= 4 else None
 
 
-@_checks("pick_up")
+@checks("pick_up")
 def _pick_ups(action: SingleAction, scene: Measured) -> SingleAction | None:
     events, postures = scene.all_of("pick_up"), scene.postures
     shown = len(events) == 1 and postures[0].kind == postures[-1].kind == "stand"
     return replace(action, side=events[0].side) if shown else None
 
 
-@_checks("balance", "arms_out", "hands_on_hips", "touch_head")
+@checks("balance", "arms_out", "hands_on_hips", "touch_head")
 def _poses(action: SingleAction, scene: Measured) -> SingleAction | None:
     events = scene.all_of(action.kind)
     held = sum(event.frames for event in events) > 0.4 * scene.frames
@@ -199,7 +183,7 @@ def _poses(action: SingleAction, scene: Measured) -> SingleAction | None:
     return action if held and _of_side(action, events) else None
 
 
-@_checks("arm_circle")
+@checks("arm_circle")
 def _arm_circles(action: SingleAction, scene: Measured) -> SingleAction | None:
     events = scene.all_of("arm_circle")
     if {event.side for event in events} != {action.side}:
@@ -223,7 +207,7 @@ _SEQUENCES = {
 """Sequences of postures that show an action; short postures that are not in them are left out."""
 
 
-@_checks(*_SEQUENCES)
+@checks(*_SEQUENCES)
 def _postures(action: SingleAction, scene: Measured) -> SingleAction | None:
     seat = action.kind in ("sit_down", "sit", "stand_up")
     if seat and float(scene.signals.joints[:, 0, 1].min()) <= 0.35:  # lower than a low stool
@@ -242,25 +226,25 @@ def _postures(action: SingleAction, scene: Measured) -> SingleAction | None:
     return None
 
 
-@_checks("lie")
+@checks("lie")
 def _lies(action: SingleAction, scene: Measured) -> SingleAction | None:
     alone = {posture.kind for posture in scene.postures} == {"lie"}
     return action if alone and scene.activity < 0.35 else None
 
 
-@_checks("crawl")
+@checks("crawl")
 def _crawls(action: SingleAction, scene: Measured) -> SingleAction | None:
     held = sum(event.frames for event in scene.all_of("crawl"))
     return action if held > 0.8 * scene.frames else None
 
 
-@_checks("climb")
+@checks("climb")
 def _climbs(action: SingleAction, scene: Measured) -> SingleAction | None:
     events = scene.all_of("climb")
     return action if [event.direction for event in events] == [action.direction] else None
 
 
-@_checks("stand")
+@checks("stand")
 def _stands(action: SingleAction, scene: Measured) -> SingleAction | None:
     still = stillness(scene.signals).mean() >= 0.85
     standing = all(posture.kind == "stand" for posture in scene.postures)
