@@ -16,7 +16,7 @@ from safetensors import safe_open
 
 from latentmotion import formats
 from latentmotion.bulk.motions import BulkGeneration, work_of
-from latentmotion.bulk.prompts import Row, read_rows
+from latentmotion.bulk.prompts import PromptRow, read_rows
 from latentmotion.cli.main import main
 from latentmotion.errors import FileFormatError, InputError, LatentMotionError
 from latentmotion.pipeline import MotionPipeline
@@ -193,7 +193,7 @@ def test_lengths_out_of_range_are_wrong_rows(tmp_path: Path) -> None:
 def test_counts_and_turns_are_exact_where_they_may_be() -> None:
     pipeline = MotionPipeline.from_pretrained("fast", threads=1)
     prompts = ["a person bows twice", "turn around to the left", "a person bows twice"]
-    rows = [Row(n, text, 1, 3.0 if n == 3 else None) for n, text in enumerate(prompts, 1)]
+    rows = [PromptRow(n, text, 1, 3.0 if n == 3 else None) for n, text in enumerate(prompts, 1)]
     exact = BulkGeneration().motions(pipeline, rows)
     alone = [pipeline(row.prompt, row.seconds, row.seed, takes=1) for row in rows]
     assert [len(motion) for motion in exact] == [len(motion) for motion in alone]

@@ -12,7 +12,7 @@ from latentmotion.evaluation.evaluators.words import (
     OTHER,
     PARTS_OF_SPEECH,
     START,
-    Token,
+    TaggedWord,
     base_forms,
     class_of,
     tokens_of,
@@ -22,16 +22,19 @@ from latentmotion.evaluation.evaluators.words import (
 @pytest.mark.parametrize(
     ("caption", "expected"),
     [
-        (Caption("x", 0, 8, "man/NOUN go/VERB"), [Token("man", "NOUN"), Token("go", "VERB")]),
-        (Caption("x", 0, 8, "and/or/CCONJ /X"), [Token("and/or", "CCONJ")]),
+        (
+            Caption("x", 0, 8, "man/NOUN go/VERB"),
+            [TaggedWord("man", "NOUN"), TaggedWord("go", "VERB")],
+        ),
+        (Caption("x", 0, 8, "and/or/CCONJ /X"), [TaggedWord("and/or", "CCONJ")]),
         (
             Caption("He's 2 steps LEFT!", 0, 8),
-            [Token(word, OTHER, tagged=False) for word in ("he", "s", "2", "steps", "left")],
+            [TaggedWord(word, OTHER, tagged=False) for word in ("he", "s", "2", "steps", "left")],
         ),
         (Caption("…", 0, 8), []),
     ],
 )
-def test_tokens_lie_between_start_and_end(caption: Caption, expected: list[Token]) -> None:
+def test_tokens_lie_between_start_and_end(caption: Caption, expected: list[TaggedWord]) -> None:
     assert tokens_of(caption) == [START, *expected, END]
 
 
@@ -55,7 +58,7 @@ def test_no_sentence_has_more_words_than_the_most(count: int) -> None:
     ],
 )
 def test_keywords_have_classes_of_their_own(word: str, part: str, expected: str) -> None:
-    assert PARTS_OF_SPEECH[class_of(Token(word, part))] == expected
+    assert PARTS_OF_SPEECH[class_of(TaggedWord(word, part))] == expected
 
 
 def test_no_keyword_is_in_two_lists() -> None:

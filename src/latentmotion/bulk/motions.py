@@ -21,7 +21,7 @@ import numpy as np
 from safetensors.numpy import save
 
 from latentmotion import __version__
-from latentmotion.bulk.prompts import Row, read_rows
+from latentmotion.bulk.prompts import PromptRow, read_rows
 from latentmotion.cleanup import CleanUp
 from latentmotion.condition.task import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
@@ -87,7 +87,7 @@ class BulkGeneration:
     weights: str = ""
     """SHA-256 of the model's files, which every worker must have; "" takes any."""
 
-    def frames(self, pipeline: MotionPipeline, rows: Sequence[Row]) -> list[int]:
+    def frames(self, pipeline: MotionPipeline, rows: Sequence[PromptRow]) -> list[int]:
         """Returns the length of each row's motion: its own, the run's or the predicted one.
 
         Raises:
@@ -113,11 +113,11 @@ class BulkGeneration:
         """
         task, sampling = pipeline.card.condition, self._sampling(pipeline)
         prompt = next(iter(task.known_prompts), "a person walks") if task.prompted else ""
-        frames = self.frames(pipeline, [Row(0, prompt, 0)])
+        frames = self.frames(pipeline, [PromptRow(0, prompt, 0)])
         request = requests.GenerationRequest((prompt,), tuple(frames), (0,), sampling)
         request.check(pipeline.card, pipeline.representation.fps)
 
-    def problem(self, pipeline: MotionPipeline, row: Row) -> str:
+    def problem(self, pipeline: MotionPipeline, row: PromptRow) -> str:
         """Returns what is wrong with a row, or nothing."""
         card = pipeline.card
         try:
@@ -130,7 +130,7 @@ class BulkGeneration:
             return row.problem or str(error)
         return row.problem
 
-    def motions(self, pipeline: MotionPipeline, rows: Sequence[Row]) -> list[Motion]:
+    def motions(self, pipeline: MotionPipeline, rows: Sequence[PromptRow]) -> list[Motion]:
         """Generates the motions of rows without problems, together."""
         if not rows:
             return []
@@ -194,7 +194,7 @@ def work_of(generation: BulkGeneration, prompts: Path, seed: int = 0, rows: int 
     return Work(Run(settings, len(every), tuple(tasks)), tasks)
 
 
-def make_shard(generation: BulkGeneration, rows: Sequence[Row]) -> ShardContent:
+def make_shard(generation: BulkGeneration, rows: Sequence[PromptRow]) -> ShardContent:
     """Generates the motions of a shard.
 
     Raises:
@@ -231,7 +231,7 @@ def make_shard(generation: BulkGeneration, rows: Sequence[Row]) -> ShardContent:
     return ShardContent(content, len(good), wrong)
 
 
-def _file_of(generation: BulkGeneration, row: Row, motion: Motion) -> tuple[str, bytes]:
+def _file_of(generation: BulkGeneration, row: PromptRow, motion: Motion) -> tuple[str, bytes]:
     """Returns the name and the content of a motion's own file."""
     if generation.fps is not None:
         motion = motion.resampled(generation.fps)
@@ -242,7 +242,9 @@ def _file_of(generation: BulkGeneration, row: Row, motion: Motion) -> tuple[str,
     return f"{name}.{generation.format}", encoded([motion], generation.format)[0]
 
 
-def _table(files: Mapping[str, bytes], rows: Sequence[Row], motions: Sequence[Motion]) -> bytes:
+def _table(
+    files: Mapping[str, bytes], rows: Sequence[PromptRow], motions: Sequence[Motion]
+) -> bytes:
     """Returns which file has which row, as CSV."""
     text = io.StringIO(newline="")
     writer = csv.writer(text)

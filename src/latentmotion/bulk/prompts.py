@@ -18,7 +18,7 @@ COLUMNS = ("prompt", "seconds", "seed")
 
 
 @dataclass(frozen=True)
-class Row:
+class PromptRow:
     """A requested motion."""
 
     line: int
@@ -33,7 +33,7 @@ class Row:
     """Its error, if any."""
 
 
-def read_rows(path: Path, seed: int = 0) -> list[Row]:
+def read_rows(path: Path, seed: int = 0) -> list[PromptRow]:
     """Reads a file of prompts; wrong numbers are problems of their rows, not errors.
 
     Args:
@@ -88,7 +88,7 @@ def _parquet(path: Path) -> Iterable[tuple[int, dict[str, Any]]]:
     return enumerate(table.to_pylist(), 1)
 
 
-def _row(line: int, cells: dict[str, Any], seed: int) -> Row:
+def _row(line: int, cells: dict[str, Any], seed: int) -> PromptRow:
     prompt, problem = str(cells["prompt"] or "").strip(), ""
     seconds = cells.get("seconds")
     seed_text = cells.get("seed")
@@ -107,7 +107,7 @@ def _row(line: int, cells: dict[str, Any], seed: int) -> Row:
             raise ValueError
     except (TypeError, ValueError, OverflowError):
         problem = f"seed {seed_text!r:.80}: expected a whole number from 0 up, below 2^63"
-    return Row(line, prompt, seed, seconds, problem)
+    return PromptRow(line, prompt, seed, seconds, problem)
 
 
 def _too_many(count: int) -> str:

@@ -21,7 +21,7 @@ from latentmotion.measure.whole_body import stillness, stooped
 
 
 @dataclass(frozen=True)
-class Condition:
+class MotionCondition:
     """A kind of condition."""
 
     holds: Callable[[Measured, Term], bool]
@@ -139,23 +139,23 @@ def is_upright(scene: Measured, term: Term) -> bool:
     return standing > 0.9 * scene.frames and float(np.median(scene.signals.tilt)) < 20
 
 
-CONDITIONS: dict[str, Condition] = {
-    "turn": Condition(turns_by, 2, (TURNS,)),
-    "travel": Condition(travels, 1),
-    "move": Condition(moves_towards, 1, ((*DIRECTIONS, "sideways"),)),
-    "speed": Condition(has_speed, 2),
-    "faster": Condition(speeds_up, 1),
-    "slower": Condition(slows_down, 1),
-    "step": Condition(takes_steps, 2),
-    "lift_feet": Condition(steps_in_place, 2),
-    "in_place": Condition(stays, 1),
-    "facing": Condition(keeps_facing, 1),
-    "straight": Condition(goes_straight, 1),
-    "weave": Condition(weaves, 1),
-    "height": Condition(jumps_high, 1),
-    "still": Condition(keeps_still, 1),
-    "stooped": Condition(is_stooped, 0),
-    "upright": Condition(is_upright, 0),
+CONDITIONS: dict[str, MotionCondition] = {
+    "turn": MotionCondition(turns_by, 2, (TURNS,)),
+    "travel": MotionCondition(travels, 1),
+    "move": MotionCondition(moves_towards, 1, ((*DIRECTIONS, "sideways"),)),
+    "speed": MotionCondition(has_speed, 2),
+    "faster": MotionCondition(speeds_up, 1),
+    "slower": MotionCondition(slows_down, 1),
+    "step": MotionCondition(takes_steps, 2),
+    "lift_feet": MotionCondition(steps_in_place, 2),
+    "in_place": MotionCondition(stays, 1),
+    "facing": MotionCondition(keeps_facing, 1),
+    "straight": MotionCondition(goes_straight, 1),
+    "weave": MotionCondition(weaves, 1),
+    "height": MotionCondition(jumps_high, 1),
+    "still": MotionCondition(keeps_still, 1),
+    "stooped": MotionCondition(is_stooped, 0),
+    "upright": MotionCondition(is_upright, 0),
 }
 """Every condition by name."""
 

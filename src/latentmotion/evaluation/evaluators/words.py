@@ -59,7 +59,7 @@ _ENDINGS = (("s", ""), ("es", ""), ("ies", "y"), ("ing", ""), ("ing", "e"), ("ed
 
 
 @dataclass(frozen=True)
-class Token:
+class TaggedWord:
     """A word with its part of speech."""
 
     word: str
@@ -70,24 +70,24 @@ class Token:
     """Whether the tags come from the data set; else the sentence was split here."""
 
 
-START, END = Token("sos", OTHER), Token("eos", OTHER)
+START, END = TaggedWord("sos", OTHER), TaggedWord("eos", OTHER)
 
 
-def tokens_of(caption: Caption) -> list[Token]:
+def tokens_of(caption: Caption) -> list[TaggedWord]:
     """Returns the words of a caption between `sos` and `eos`.
 
     A caption without tags is split into its words, each of part of speech OTHER.
     """
     if caption.tokens:
         pairs = (token.rpartition("/") for token in caption.tokens.split())
-        words = [Token(word, part) for word, _, part in pairs if word]
+        words = [TaggedWord(word, part) for word, _, part in pairs if word]
     else:
         matches = _WORD.findall(caption.text.lower())
-        words = [Token(word, OTHER, tagged=False) for word in matches]
+        words = [TaggedWord(word, OTHER, tagged=False) for word in matches]
     return [START, *words[:MAX_WORDS], END]
 
 
-def class_of(token: Token) -> int:
+def class_of(token: TaggedWord) -> int:
     """Returns the index of a token's class in `PARTS_OF_SPEECH`."""
     name = _CLASS_OF.get(token.word, token.part)
     return PARTS_OF_SPEECH.index(name if name in PARTS_OF_SPEECH else OTHER)
@@ -167,7 +167,9 @@ class GloveWords:
             for token in tokens_of(caption):
                 forms = [token.word] if token.tagged else base_forms(token.word)
                 form_known = next((form for form in forms if form in self._numbers), None)
-                row.append(Token(form_known, token.part) if form_known else Token(UNKNOWN, OTHER))
+                row.append(
+                    TaggedWord(form_known, token.part) if form_known else TaggedWord(UNKNOWN, OTHER)
+                )
             rows.append(row)
         numbers = [np.array([self._numbers[token.word] for token in row]) for row in rows]
         parts = [np.array([class_of(token) for token in row]) for row in rows]

@@ -17,7 +17,7 @@ from latentmotion.evaluation.instructions.body import FPS, LEFT, RIGHT, Body, Sp
 Detector = Callable[[Body, str], list[Span]]
 """Motion and side (`left`, `right`, `both` or `any`) to where the act happens."""
 
-Condition = Callable[[Body, Term], bool]
+ConditionTest = Callable[[Body, Term], bool]
 """Whether a condition holds for a motion."""
 
 # Units in all detectors: lengths in meters, speeds in m/s, times in seconds, angles in degrees,
@@ -43,7 +43,7 @@ ACTS: dict[str, Detector] = {
 }
 """Acts by name; those of more than an expression register themselves below."""
 
-CONDITIONS: dict[str, Condition] = {
+CONDITIONS: dict[str, ConditionTest] = {
     "way": lambda body, term: body.way >= term.numbers[0],
     "stays": lambda body, term: body.away <= term.numbers[0],
     "lasts": lambda body, term: bool(np.mean(body.height < term.numbers[0]) > 0.5),
@@ -66,10 +66,10 @@ def _act(name: str, of_sides: bool = False) -> Callable[[Detector], Detector]:
     return register
 
 
-def _condition(name: str) -> Callable[[Condition], Condition]:
+def _condition(name: str) -> Callable[[ConditionTest], ConditionTest]:
     """Registers a condition."""
 
-    def register(holds: Condition) -> Condition:
+    def register(holds: ConditionTest) -> ConditionTest:
         CONDITIONS[name] = holds
         return holds
 
