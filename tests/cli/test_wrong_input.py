@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 import torch
 
+from latentmotion.data.sources.humanact12 import ACTIONS
 from latentmotion.evaluation.evaluators.action import ActionClassifier, save_action_classifier
-from latentmotion.evaluation.evaluators.action_networks import HUMANACT12_LABELS, MotionGRUConfig
+from latentmotion.evaluation.evaluators.action_networks import MotionGRUConfig
 from latentmotion.model.card import find_model
 from latentmotion.storage import pickles
 from tests.cli.conftest import Refused
@@ -40,7 +41,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     content["pose"][1] = np.zeros((70, 10))
     (place / "shapes" / "vibe_cache_refined.pkl").write_bytes(pickle.dumps(content))
     config = MotionGRUConfig()
-    about = ActionClassifier(HUMANACT12_LABELS, "smpl", config)
+    about = ActionClassifier(ACTIONS, "smpl", config)
     state = config.build().state_dict()
     save_action_classifier(place / "gru", about, state)
     shutil.copytree(place / "gru", place / "cut_gru")

@@ -13,13 +13,14 @@ import torch
 from latentmotion.cli.main import main
 from latentmotion.condition.task import ActionTask
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.sources.humanact12 import ACTIONS
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.action import (
     ActionClassifier,
     Recognizer,
     save_action_classifier,
 )
-from latentmotion.evaluation.evaluators.action_networks import HUMANACT12_LABELS, MotionGRUConfig
+from latentmotion.evaluation.evaluators.action_networks import MotionGRUConfig
 from latentmotion.evaluation.evaluators.interface import load_evaluator
 from latentmotion.evaluation.position_scores import with_smpl_joints
 from latentmotion.formats import load
@@ -44,13 +45,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         16, 12, SMALL, False, "table", positions="latents_first", sine_width=16
     )
     about = card(150, "smpl", LatentSpace(16, tokens=1))
-    labels = ActionTask(tuple(HUMANACT12_LABELS))
+    labels = ActionTask(ACTIONS)
     about = replace(about, condition=labels, frames=(60, 60), sampling=Sampling(2, 1.0))
     vae = TransformerVAEConfig(features=150, transformer=SMALL, position="sine")
     save_model(folder / "model", untrained(about, vae, denoiser))
     torch.manual_seed(0)
     gru = MotionGRUConfig()
-    classifier = ActionClassifier(HUMANACT12_LABELS, "smpl", gru)
+    classifier = ActionClassifier(ACTIONS, "smpl", gru)
     save_action_classifier(folder / "gru", classifier, gru.build().state_dict())
     large = 1.5 * synthetic_arrays()["v_template"]
     write_synthetic_smpl(folder / "smpl.npz", v_template=large)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.data.dataset import Dataset
+from latentmotion.evaluation.instructions.benchmark import wilson
 from latentmotion.storage.files import atomic_file
 
 ACTS = Path(__file__).with_name("acts.tsv")
@@ -126,16 +127,6 @@ def rows_of(path: Path) -> list[dict[str, str]]:
     """Returns the lines of a table by the names of its columns; cells are not quoted."""
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file, delimiter="\t", quoting=csv.QUOTE_NONE))
-
-
-def wilson(share: float, of: float) -> tuple[float, float]:
-    """Returns the 95 % interval of a share that `of` independent trials have."""
-    z = 1.96
-    middle, wide = (
-        share + z * z / (2 * of),
-        z * np.sqrt(share * (1 - share) / of + (z / of / 2) ** 2),
-    )
-    return float((middle - wide) / (1 + z * z / of)), float((middle + wide) / (1 + z * z / of))
 
 
 def report(judged: Sequence[Judged]) -> str:

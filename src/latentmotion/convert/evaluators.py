@@ -20,10 +20,10 @@ import numpy as np
 from torch import Tensor
 
 from latentmotion.convert.reading import read_content, tensors_of
+from latentmotion.data.sources.humanact12 import ACTIONS
 from latentmotion.errors import FileFormatError, InputError, ModelError
 from latentmotion.evaluation.evaluators.action import ActionClassifier, save_action_classifier
 from latentmotion.evaluation.evaluators.action_networks import (
-    HUMANACT12_LABELS,
     GraphNetworkConfig,
     MotionGRUConfig,
 )
@@ -217,8 +217,8 @@ def convert_action_classifier(
     network = action_classifier_config(weights, source)
     count = network.labels
     if labels is None:
-        is_humanact12 = len(HUMANACT12_LABELS) == count
-        labels = HUMANACT12_LABELS if is_humanact12 else [str(number) for number in range(count)]
+        is_humanact12 = len(ACTIONS) == count
+        labels = ACTIONS if is_humanact12 else [str(number) for number in range(count)]
     if len(labels) != count:
         raise InputError(f"{len(labels)} labels given, the classifier has {count}; give them all")
     description = ActionClassifier(

@@ -123,13 +123,6 @@ class TemporalClassifier(ActionNetwork):
         return self.head(self.dropout(F.silu(features)))
 
 
-HUMANACT12_LABELS = (
-    *("warm_up", "walk", "run", "jump", "drink", "lift_dumbbell", "sit", "eat"),
-    *("turn steering wheel", "phone", "boxing", "throw"),
-)
-"""Labels in the order of the authors' logits."""
-
-
 @dataclass(frozen=True)
 class MotionGRUConfig:
     """Sizes of a `MotionGRU`."""
