@@ -13,8 +13,7 @@ from pathlib import Path
 import torch
 
 from latentmotion.condition.task import TextConditioning, TextTask
-from latentmotion.convert import reading
-from latentmotion.convert.mld import Origin, Weights, model_card, shape, transformer
+from latentmotion.convert.mld import Origin, Weights, loaded, model_card, shape, transformer
 from latentmotion.diffusion.parametrization import Sample
 from latentmotion.diffusion.schedule import Cosine
 from latentmotion.errors import ModelError
@@ -31,16 +30,6 @@ OTHERS = ("clip_model", "rot2xyz")
 """Networks that a file may hold beside the denoiser, by the first part of their weights' names."""
 
 _STACK = "seqTransEncoder."
-
-_RULES: reading.Rules = (
-    (r"^input_process\.poseEmbedding\.", "latents_in."),
-    (r"^output_process\.poseFinal\.", "latents_out."),
-    (r"^embed_timestep\.time_embed\.", "numbers.time.network."),
-    (r"^embed_text\.", "condition_in."),
-    (r"^embed_action\.action_embedding$", "condition_in.weight"),
-    (r"^sequence_pos_encoder\.pe$", "positions.table.table"),
-    (r"^seqTransEncoder\.", "body.encoder."),
-)
 
 
 def is_mdm(weights: Weights) -> bool:
@@ -73,10 +62,7 @@ def latent_model(weights: Weights, path: Path, origin: Origin) -> checkpoint.Lat
     # MDM's sinusoid of the time alternates sine and cosine; here all cosines come first.
     first = "embed_timestep.time_embed.0.weight"
     used[first] = torch.cat([used[first][:, 1::2], used[first][:, ::2]], dim=1)
-    renamed = reading.rename(used, _RULES)
-    checkpoint.check_sizes(lambda: build(config), renamed, f"{path}, MDM")
-    network = build(config)
-    checkpoint.load_weights(network, renamed, f"{path}, MDM")
+    network = loaded(lambda: build(config), used, ("mdm",), f"{path}, MDM")
     vae = IdentityVAEConfig(config.latent_width)
     origin = replace(origin, text_encoder=origin.text_encoder or _TEXT_ENCODER)
     card = model_card(path, vae, config, origin)

@@ -130,7 +130,7 @@ def load_vae(
     """
     config = vae_config(weights, unstated)
     names = ("actor",) if is_actor(weights) else ("vae", f"vae_{config.decoding}")
-    return _loaded(lambda: build(config), weights, names, f"{path}, vae"), config
+    return loaded(lambda: build(config), weights, names, f"{path}, vae"), config
 
 
 def load_denoiser(
@@ -153,13 +153,23 @@ def load_denoiser(
     used = {name: tensor for name, tensor in weights.items() if name not in unused}
     text = ("linear_text",) if config.condition_projection == "linear" else ()
     names = (*text, "denoiser", f"denoiser_{config.attention}")
-    return _loaded(lambda: build(config), used, names, f"{path}, denoiser"), config
+    return loaded(lambda: build(config), used, names, f"{path}, denoiser"), config
 
 
-def _loaded(
+def loaded(
     make: Callable[[], Network], weights: Weights, names: Sequence[str], where: str
 ) -> Network:
-    """Returns a network with the weights that the authors name as parts of `names.toml` say."""
+    """Returns a network with the authors' weights.
+
+    Args:
+        make: Builds the network.
+        weights: The weights under the authors' names.
+        names: Parts of `names.toml` that rename them, in order.
+        where: What is read, for error messages.
+
+    Raises:
+        ModelError: A weight is missing or has another shape.
+    """
     renamed = reading.rename(weights, reading.rules_of(*names))
     checkpoint.check_sizes(make, renamed, where)
     network = make()

@@ -73,7 +73,7 @@ def _changed(before: Any, after: Any) -> Any:
     """Returns settings with those of another object in their place; other kinds replace them."""
     if not isinstance(after, Mapping):
         return None if after == "null" else after  # TOML has no null
-    base = before if isinstance(before, Mapping) else {}
+    base = dict(before) if isinstance(before, Mapping) else {}
     if after.get("kind", base.get("kind")) != base.get("kind"):
         base = {}
     return base | {key: _changed(base.get(key), value) for key, value in after.items()}
