@@ -45,8 +45,8 @@ Format = Literal["safetensors", "parquet", "glb", "bvh", "fbx"]
 ONE_EACH = ("glb", "bvh", "fbx")
 """Formats of a file for each motion."""
 
+# Characters of the name of such a file at most.
 _LONGEST_NAME = 60
-"""Characters of the name of such a file at most."""
 
 ROWS = 512
 """Rows of a shard: some 10 MB, and some 10 s of one core."""

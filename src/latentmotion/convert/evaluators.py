@@ -44,18 +44,18 @@ from latentmotion.storage.files import check_replaceable, sha256
 GRU_WEIGHT, GRAPH_WEIGHT = "recurrent.weight_ih_l0", "st_gcn_networks.0.gcn.conv.weight"
 """Weights by which the action classifiers are recognized."""
 
+# The networks, by their names in finest.tar and in MLD's checkpoints.
 _PARTS = {
     "text_encoder": "t2m_textencoder",
     "movement_encoder": "t2m_moveencoder",
     "motion_encoder": "t2m_motionencoder",
 }
-"""The networks, by their names in finest.tar and in MLD's checkpoints."""
 
+# Features that the evaluator does not read.
 _CONTACTS = 4
-"""Features that the evaluator does not read."""
 
+# Representation, and the authors' name for the data set, by the number of features.
 _KNOWN = {263: ("humanml3d", "t2m"), 251: ("kit", "kit")}
-"""Representation, and the authors' name for the data set, by the number of features."""
 
 
 @dataclass(frozen=True)

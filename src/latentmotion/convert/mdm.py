@@ -23,8 +23,8 @@ from latentmotion.networks.build import build
 
 _TEXT_ENCODER = "openai/clip-vit-base-patch32"
 
+# Shortest and longest motions that the models of sentences were trained on.
 _FRAMES = (40, 196)
-"""Shortest and longest motions that the models of sentences were trained on."""
 
 OTHERS = ("clip_model", "rot2xyz")
 """Networks that a file may hold beside the denoiser, by the first part of their weights' names."""

@@ -42,14 +42,14 @@ from latentmotion.storage.files import sha256
 Weights = Mapping[str, Tensor]
 Network = TypeVar("Network", bound=nn.Module)
 
+# The text encoders of MLD and of MotionLCM.
 _TEXT_ENCODERS = ("openai/clip-vit-large-patch14", "sentence-transformers/sentence-t5-large")
-"""The text encoders of MLD and of MotionLCM."""
 
+# Shortest and longest motions that MLD's models were trained on.
 _FRAMES = {"text": (16, 196), "action": (60, 60)}
-"""Shortest and longest motions that MLD's models were trained on."""
 
+# Representation by the number of features.
 _REPRESENTATIONS = {263: "humanml3d", 251: "kit", 150: "smpl"}
-"""Representation by the number of features."""
 
 
 @dataclass(frozen=True)

@@ -65,8 +65,8 @@ _STORAGES = {
 }
 
 
+# Times that tensors may repeat stored numbers, such as weights that two networks share.
 _MOST_SHARED = 8
-"""Times that tensors may repeat stored numbers, such as weights that two networks share."""
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Tensor]:
@@ -179,8 +179,8 @@ def _check_old(path: Path) -> None:
                 raise ForbiddenName(f"{module}.{name}")
 
 
+# Placeholders whose own functions PyTorch calls in old files, with no sizes to choose.
 _OLD = ("Size", "dtype", "scalar", "encode", "defaultdict", "set", "dict", "list")
-"""Placeholders whose own functions PyTorch calls in old files, with no sizes to choose."""
 
 
 class Placeholder:
@@ -256,13 +256,13 @@ def _rebuilt(storage: Tensor, offset: int, size: Any, stride: Any, *_: Any) -> T
 Weights = dict[str, Tensor]
 Rules = tuple[tuple[str, str], ...]
 
+# Patterns of the authors' names and what takes their place, by network.
 _NAMES: dict[str, Rules] = {
     network: tuple(names.items())
     for network, names in tomllib.loads(
         Path(__file__).with_name("names.toml").read_text(encoding="utf-8")
     ).items()
 }
-"""Patterns of the authors' names and what takes their place, by network."""
 
 
 def rules_of(*networks: str) -> Rules:

@@ -71,8 +71,8 @@ class Clip:
 TAG_RATE = 20
 """Frames per second by which HumanML3D turns `from` and `to` into frames."""
 
+# Seconds from which a time is taken for damage, infinite ones too.
 _MOST_SECONDS = 1e6
-"""Seconds from which a time is taken for damage, infinite ones too."""
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,8 @@ _HEAD = struct.Struct("<8s32sII")
 _MOST_FILE = 1 << 30
 _MOST_HEADER = 1 << 28
 _MOST_MEMORY = 1 << 26
+# Numbers have no alignment and no high bits in common, as these settings expect of text.
 _FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9, "dict_size": 1 << 23, "lc": 0, "lp": 0, "pb": 0}]
-"""Numbers have no alignment and no high bits in common, as these settings expect of text."""
 
 
 @dataclass(frozen=True)
@@ -175,8 +175,8 @@ QUANTUM = 0.00025
 TURN_QUANTUM = 1 / 8192
 """Step of the heading, radians."""
 
+# Feature frames of a pack, 111 hours at 20 a second.
 _MOST_FRAMES = 8_000_000
-"""Feature frames of a pack, 111 hours at 20 a second."""
 QUANTA = 1e-6, 0.01
 """Least and greatest step of positions and heading that a pack may have."""
 

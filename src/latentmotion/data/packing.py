@@ -27,8 +27,8 @@ from latentmotion.errors import DataError, InputError
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 from latentmotion.storage import files
 
+# Meters that a joint may be off after packing.
 _FURTHEST = 0.001
-"""Meters that a joint may be off after packing."""
 
 
 @dataclass

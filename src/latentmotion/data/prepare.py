@@ -29,8 +29,8 @@ from latentmotion.storage.configuration import write_json
 MIN_FRAMES = 10
 """Shortest clip that is kept; half a second holds a hop, or one turn of the arms."""
 
+# Most reasons in the error if no clip is left.
 _LISTED = 10
-"""Most reasons in the error if no clip is left."""
 
 
 def encode_all(

@@ -29,8 +29,8 @@ Item = TypeVar("Item")
 
 SMPL_JOINTS = 24
 
+# Frames at 20 a second of the shortest motion whose features say anything.
 _SHORTEST = 5
-"""Frames at 20 a second of the shortest motion whose features say anything."""
 
 
 def as_numbers(values: Any) -> np.ndarray:

@@ -23,9 +23,9 @@ SHORTEST = 20
 USUAL = 120
 """Frames of a piece where nothing else decides."""
 
+# Trade-off between a still cut and a piece of usual length: a cut may be faster by this many
+# m/s for every `USUAL` frames that it brings the length nearer to `USUAL`.
 _STAY = 0.3
-"""Trade-off between a still cut and a piece of usual length: a cut may be faster by this many m/s
-for every `USUAL` frames that it brings the length nearer to `USUAL`."""
 
 _SUBJECT = re.compile(
     r"(?:(?P<article>an?|the|this|one)\s+)?"

@@ -87,8 +87,8 @@ def _wait() -> None:
 THOP_NORM = 4
 """Operations that THOP counts for a number that a norm with weights returns."""
 
+# Modules in place of the authors' `nn.MultiheadAttention`, which THOP does not know.
 _UNKNOWN_TO_THOP = (SelfAttention, CrossAttention)
-"""Modules in place of the authors' `nn.MultiheadAttention`, which THOP does not know."""
 
 
 def flops(action: Callable[[], object]) -> int:
@@ -134,8 +134,8 @@ def parameters(network: nn.Module) -> int:
     return sum(parameter.numel() for parameter in network.parameters())
 
 
+# The only product here that PyTorch's counter of FLOPs does not know.
 _ATTENTION = torch.ops.aten._scaled_dot_product_flash_attention_for_cpu
-"""The only product here that PyTorch's counter of FLOPs does not know."""
 
 
 @dataclass(frozen=True)

@@ -181,8 +181,8 @@ def _notes(table: Table, result: TableResult) -> list[str]:
     return notes + [f"Warning for {', '.join(rows)}: {text}" for text, rows in warned.items()]
 
 
+# Suffix of pages of curves and of further evaluators, behind the table's name.
 _SUFFIX = re.compile(r"_curves$|_\d+$")
-"""Suffix of pages of curves and of further evaluators, behind the table's name."""
 
 _PART = re.compile(r"<!-- table (\w+) -->\n(.*?)<!-- end of table \1 -->", re.DOTALL)
 

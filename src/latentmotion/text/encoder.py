@@ -25,8 +25,8 @@ from latentmotion.engine.session import PickledByFields, onnxruntime_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import text_encoder_files
 
+# Sentences that the distilled encoder reads together at most, which bounds memory.
 _TOGETHER = 32
-"""Sentences that the distilled encoder reads together at most, which bounds memory."""
 
 
 class UnknownWordsWarning(UserWarning):

@@ -27,28 +27,28 @@ _ONCE = re.compile(r"\b(?:once|one time|one|single)\b", re.IGNORECASE)
 _SOME = re.compile(r"\ba few\b", re.IGNORECASE)
 _OFTEN = re.compile(r"\b(?:several|again and again|repeatedly|over and over)\b", re.IGNORECASE)
 
+# Acts of one side by the kind of action.
 _ACTS = {
     "kick": "kick", "punch": "punch", "wave": "wave", "raise": "raise", "knee": "knee_up",
     "hop": "hop", "balance": "one_leg", "touch_head": "touch",
 }  # fmt: skip
-"""Acts of one side by the kind of action."""
 
+# Act and highest count by the kind of action.
 _COUNTED = {
     "jump": ("jump", 4), "hop": ("hop", 4), "kick": ("kick", 3), "punch": ("punch", 4),
     "squat": ("squat", 3), "jack": ("jack", 4), "bow": ("bend", 3), "clap": ("clap", 4),
     "knee": ("knee_up", 4), "raise": ("raise", 3),
 }  # fmt: skip
-"""Act and highest count by the kind of action."""
 
+# Degrees in the prompt, and the range that fulfills it.
 _ANGLES = {45: (25, 75), 90: (60, 120), 180: (130, 230), 360: (290, 430), 720: (500, 4000)}
-"""Degrees in the prompt, and the range that fulfills it."""
 
+# Acts that can follow each other, by the kind of action.
 _IN_ORDER = {
     "walk": "walk", "run": "run", "stand": "halt", "jump": "jump", "kick": "kick", "punch": "punch",
     "wave": "wave", "raise": "raise", "sit_down": "sit", "squat": "squat", "bow": "bend",
     "pick_up": "reach_down", "lie_down": "lie", "crouch": "crouch", "turn": "turn",
 }  # fmt: skip
-"""Acts that can follow each other, by the kind of action."""
 
 _PACES = {
     ("walk", "slow"): "travel(0.3) & speed(0.1, 0.9)",
@@ -59,6 +59,7 @@ _PACES = {
     ("run", "fast"): "travel(2) & speed(2.8, 11)",
 }
 
+# Checks of actions without a parameter.
 _PLAIN = {
     "posture": {
         "sit_down": "sit", "sit_floor": "sit_floor", "lie_down": "lie", "kneel": "kneel",
@@ -74,7 +75,6 @@ _PLAIN = {
         "jog_in_place": "in_place(0.8) & lift_feet(4, 99)",
     },
 }  # fmt: skip
-"""Checks of actions without a parameter."""
 
 
 @dataclass(frozen=True)
@@ -107,11 +107,11 @@ class _Asked:
 
 Draw = Callable[[np.random.Generator], _Asked]
 
+# What draws an instruction of a group; functions below register themselves.
 _GROUPS: dict[str, Draw] = {
     "posture": lambda generator: _plain("posture", generator),
     "action": lambda generator: _plain("action", generator),
 }
-"""What draws an instruction of a group; functions below register themselves."""
 
 
 def _group(name: str) -> Callable[[Draw], Draw]:

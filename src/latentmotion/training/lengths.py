@@ -26,11 +26,11 @@ from latentmotion.text.lengths import QUANTILES, LengthModel
 from latentmotion.training.drawn_instructions import drawn_instructions
 from latentmotion.training.length_trials import LengthVerdicts
 
+# Sentences that are encoded together.
 _AT_ONCE = 256
-"""Sentences that are encoded together."""
 
+# Lengths among which the best is chosen.
 _LENGTHS = 60
-"""Lengths among which the best is chosen."""
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from latentmotion.retrieval.teach import support
 Embed = Callable[[Sequence[str]], Float[np.ndarray, "sentences width"]]
 """Sentences to their pooled embeddings, of any length."""
 
+# Sentences that are embedded together.
 _AT_ONCE = 512
-"""Sentences that are embedded together."""
 
 
 @dataclass(frozen=True)

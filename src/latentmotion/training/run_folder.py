@@ -50,12 +50,12 @@ FORMAT = 2
 
 AnyRun = TypeVar("AnyRun")
 
+# Files of other folders of this package.
 _OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json")
-"""Files of other folders of this package."""
 
 _STEPS = re.compile(r"(?:\w+\.)*\w*training\.steps \((\d+) → (\d+)\)")
+# Settings that may differ when a run is resumed.
 _MACHINE = re.compile(r"(?:\w+\.)*\w*training\.(?:precision|parallel) \(.*\)")
-"""Settings that may differ when a run is resumed."""
 
 MODEL = "model"
 """Folder of the trained model in a run folder."""

@@ -72,8 +72,8 @@ Value = TypeVar("Value")
 USUAL_RATE, SLOW_RATE = 120.0, 60.0
 """Native frames per second of most trials, and of those that `labels.toml` lists."""
 
+# Rate that conversions to BVH write into the file, whatever the trial's own.
 _STATED_RATE = 120.0
-"""Rate that conversions to BVH write into the file, whatever the trial's own."""
 
 SHORTEST = 40
 """Frames of the shortest stretch without captions that is used."""

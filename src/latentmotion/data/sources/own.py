@@ -61,11 +61,11 @@ from latentmotion.kinematics.standing import Stated
 from latentmotion.progress import counted
 from latentmotion.storage.reading import read_table, read_text
 
+# Endings that `formats` reads, but that are captions, arrays and checkpoints in such a folder.
 _NO_MOTION = (".csv", ".npy", ".pkl", ".pt")
-"""Endings that `formats` reads, but that are captions, arrays and checkpoints in such a folder."""
 
+# Least degrees between a T-pose that was put before a motion and the motion itself.
 _LEAST_MOVED = 6.0
-"""Least degrees between a T-pose that was put before a motion and the motion itself."""
 
 _NEEDED, _OPTIONAL = ("file", "caption"), ("from", "to", "split", "action")
 

@@ -22,11 +22,11 @@ from latentmotion.storage.limits import MOST_NUMBER
 
 BODY_JOINTS, HAND_JOINTS = len(HUMANML3D), len(HANDS) - len(HUMANML3D)
 
+# First number of the hands by the numbers of a frame.
 _HANDS_AT = {156: 66, 165: 75}
-"""First number of the hands by the numbers of a frame."""
 
+# Radians up to which hands count as resting.
 _MOVED = 1e-3
-"""Radians up to which hands count as resting."""
 
 
 def hand_poses(path: Path) -> Float[np.ndarray, "frames 30 3"] | None:

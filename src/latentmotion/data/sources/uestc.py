@@ -55,8 +55,8 @@ SHORTEST = 45
 FOCAL, IMAGE = 500.0, 540.0
 """Focal length and width of the image for which VIBE's camera is stated, pixels."""
 
+# The joint of VIBE's 49 whose trajectory is the root's.
 _MID_HIP = 8
-"""The joint of VIBE's 49 whose trajectory is the root's."""
 
 POSES, SHIFTS = "vibe_cache_refined.pkl", "globtrans_usez.pkl"
 NAMES, FRAMES, ACTIONS = (

@@ -169,8 +169,8 @@ class TextMotionNetworks(nn.Module):
         return self.text_encoder.read(words, parts, mask.sum(1))
 
 
+# Logit of pairs that are no contrast.
 _NEVER = -1e9
-"""Logit of pairs that are no contrast."""
 
 
 @dataclass(frozen=True)

@@ -345,8 +345,8 @@ def _arms_out(body: Body, side: str) -> list[Span]:
     return spans((np.minimum(*out) > 0.7 * body.arm) & level[0] & level[1], 0.3, 0.1)
 
 
+# Acts that also are what a body does before others.
 _LASTING = {"stand", "still", "walk", "run", "go", "step"}
-"""Acts that also are what a body does before others."""
 
 
 @_condition("net")

@@ -157,8 +157,8 @@ def _variance(
     return part.var(axis=0, ddof=1) if len(part) > 1 else np.zeros(part.shape[1:])
 
 
+# Frames of a mean.
 _SEGMENT = 8
-"""Frames of a mean."""
 
 
 class TrainingClips:

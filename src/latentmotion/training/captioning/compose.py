@@ -24,14 +24,14 @@ from latentmotion.representation.splicing import seam_of, splice
 from latentmotion.training.captioning.rewording import in_order
 from latentmotion.training.captioning.singles import ActionClip, Cut, Pairing, action_clips, rarity
 
+# Meters that a joint may go below the floor in the transition.
 _DIP = 0.015
-"""Meters that a joint may go below the floor in the transition."""
 
+# Sentences about a whole sequence.
 _ORDERED = 4
-"""Sentences about a whole sequence."""
 
+# Sentences about each action in it.
 _PER_ACTION = 2
-"""Sentences about each action in it."""
 
 
 @dataclass(frozen=True)

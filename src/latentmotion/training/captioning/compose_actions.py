@@ -33,6 +33,7 @@ Joints = Float[np.ndarray, "frames joints 3"]
 REPEATED = frozenset(kinds("composed"))
 """Kinds that are repeated two to four times."""
 
+# Weights of kinds, as users ask for them in sequences; others have 1.
 _KIND_WEIGHTS = {
     "walk": 8.0, "run": 3.0, "jog": 3.0, "turn": 4.0, "stand": 2.0, "steps": 2.0, "kick": 3.0,
     "jump": 3.0, "punch": 2.5, "wave": 2.0, "raise": 3.0, "squat": 2.0, "pick_up": 2.0,
@@ -41,26 +42,25 @@ _KIND_WEIGHTS = {
     "speed_up": 0.5, "slow_down": 0.5, "climb": 0.3, "half_circle": 0.5,
     "weave": 0.5, "turn_then_walk": 0.5, "walk_then_turn": 0.5, "turn_and_return": 0.3,
 }  # fmt: skip
-"""Weights of kinds, as users ask for them in sequences; others have 1."""
 
+# Kinds that follow themselves with another side or direction.
 _SIDED = ("kick", "raise", "steps", "walk", "turn", "punch", "knee", "hop")
-"""Kinds that follow themselves with another side or direction."""
 
 _GAITS = kinds("gait")
 _STOPS = {"stop_walking": "walk", "stop_running": "run"}
 _STARTS = {"start_walking": "walk", "start_running": "run"}
 
+# Largest distance of poses with their speeds where one gait becomes another, meters.
 _CHANGE = 0.45
-"""Largest distance of poses with their speeds where one gait becomes another, meters."""
 
+# Sequences of the same kinds that fail in a row before no more are tried.
 _MOST_FAILURES = 40
-"""Sequences of the same kinds that fail in a row before no more are tried."""
 
+# Sentences about a sequence.
 _PROMPTS = 4
-"""Sentences about a sequence."""
 
+# Shots of one kind that are kept, so that pairs are found in time.
 _PER_KIND = 60
-"""Shots of one kind that are kept, so that pairs are found in time."""
 
 
 _OTHER_SIDE = {"left": "right", "right": "left"}

@@ -57,8 +57,8 @@ LONGEST_FILE = 200
 
 Joints = Float[np.ndarray, "frames 22 3"]
 
+# Frames of the shortest motion that can be described.
 _SHORTEST = 4
-"""Frames of the shortest motion that can be described."""
 
 
 @dataclass(frozen=True)
@@ -341,12 +341,12 @@ def _seconds(start: int, end: int, frames: int, before: float = 0.0) -> tuple[fl
 _FILLING, _DIRECTIONS = word_set("filling"), word_set("directions")
 _MANNERS: Mapping[str, str] = TABLE["manners"]
 
+# Base forms by forms of a verb.
 _VERBS: Mapping[str, str] = {
     **dict(zip(VERBS, VERBS, strict=True)),
     **BASE_OF_THIRD,
     **BASE_OF_PARTICIPLE,
 }
-"""Base forms by forms of a verb."""
 
 
 def captions_of_names(files: Iterable[str]) -> dict[str, str]:

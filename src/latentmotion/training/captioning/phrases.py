@@ -17,11 +17,11 @@ from latentmotion.training.captioning.prompt_patterns import filled
 _TIMES = ("", "once", "twice", "three times", "four times", "five times", "six times",
           "seven times", "eight times", "nine times", "ten times")  # fmt: skip
 
+# Meters per second above which a run is called fast.
 _FAST_RUN = 3.6
-"""Meters per second above which a run is called fast."""
 
+# Radius in meters from which a turn on the way is called a curve or a circle.
 _WIDE = 0.4
-"""Radius in meters from which a turn on the way is called a curve or a circle."""
 
 _DIRECTIONS = {
     "forward": ("forward", "forward", "straight ahead", "forwards"),

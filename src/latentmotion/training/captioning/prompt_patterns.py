@@ -32,13 +32,13 @@ ONE = "[a|a|a|one|a single|just one]"
 IN_A_ROW = "[|||| in a row]"
 """Words that may follow a counted noun."""
 
+# Tables of kinds of actions that are named otherwise.
 _TABLES = {
     **dict.fromkeys(GOING, "gait"),
     **dict.fromkeys(("start_walking", "start_running"), "start"),
     **dict.fromkeys(("stop_walking", "stop_running"), "stop"),
     **dict.fromkeys(("turn", "walk_then_turn", "turn_then_walk"), "turned"),
 }
-"""Tables of kinds of actions that are named otherwise."""
 
 _COMPARED = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,

@@ -17,6 +17,7 @@ from latentmotion.language.words import plain
 from latentmotion.measure.facts import LEFT, RIGHT, SingleAction
 from latentmotion.training.captioning.prompt_patterns import IN_A_ROW, ONCE, ONE, Wording, wording
 
+# Limb of acts with one side, and patterns for one side A and then the other, B.
 _LIMBS = {
     "kick": ("leg", ("~kick with <the> A LIMB, then with the B", "~kick A, then B")),
     "punch": ("hand", ("~punch with <the> A LIMB, then with the B", "~punch A, then B")),
@@ -26,10 +27,9 @@ _LIMBS = {
     "hop": ("leg", ("~hop on <the> A LIMB, then on the B",)),
     "balance": ("leg", ("~stand on <the> A LIMB, then on the B",)),
 }
-"""Limb of acts with one side, and patterns for one side A and then the other, B."""
 
+# Kinds of actions that go in a direction.
 _DIRECTED = ("walk", "jog", "run", "jump", "steps")
-"""Kinds of actions that go in a direction."""
 
 
 @dataclass(frozen=True)
@@ -73,21 +73,21 @@ _COMMON = (
 _MASCULINE = re.compile(r"\b(?:man|businessman|grandpa|knight|butler|monk)\b")
 _FEMININE = re.compile(r"\b(?:woman|grandma|girl)\b")
 
+# Shares of the forms of a sentence about one action, in percent.
 _FORMS = {"order": 34, "third": 27, "is": 8, "doing": 7, "participle": 9, "noun": 13, "past": 2}
-"""Shares of the forms of a sentence about one action, in percent."""
 
+# Words that users put before "a man turning left".
 _SHOWN = ("show", "show me", "animate", "an animation of", "a video of")
-"""Words that users put before "a man turning left"."""
 
 _CLOSED = re.compile(r"\[([^\[\]]*)\]")
+# Phrases that the grammar allows but nobody types, such as "keeping hopping".
 _CLUMSY = re.compile(
     r"\b(?:keep|start|beginn|stopp|finish)ing \w+ing\b|\bbeing\b|then .*then .*then"
     r"|(?:spot|place) while|\b(\w+) \1\b"
 )
-"""Phrases that the grammar allows but nobody types, such as "keeping hopping"."""
 
+# Words of a pattern that describes a sequence by itself.
 _SEQUENCE = re.compile(r"\b(?:then|before|after|first|from|followed)\b|,")
-"""Words of a pattern that describes a sequence by itself."""
 
 _VOWEL = re.compile(r"\b([Aa]) (?=[aeio](?!ne\b|ne-))")
 

@@ -49,23 +49,24 @@ _SELF = {"himself", "herself", "themselves", "themself", "oneself"}
 _NEAR, _NOT_GOING = word_set("near"), word_set("not_going")
 _FROM_BELOW = word_set("from_below")
 
+# Phrases in which short commands leave out "your" and "the".
 _DROPPED = re.compile(
     r"\b(raise|lift|lower|wave|swing|bend|move|with|using|shake|stretch|kick) (?:your|the) "
     r"(?=left|right|arms?|hands?|legs?|knees?)"
 )
-"""Phrases in which short commands leave out "your" and "the"."""
 
 _ATTEMPTS = 8
 
+# Share of written wordings, where a caption has any.
 _WRITTEN = 0.6
-"""Share of written wordings, where a caption has any."""
 
+# The same of a clause among others.
 _WRITTEN_CLAUSE = 0.4
-"""The same of a clause among others."""
 
+# Words before a part of the body that do not tell captions apart.
 _OWNERS = {"his", "her", "their", "your", "the"}
-"""Words before a part of the body that do not tell captions apart."""
 
+# Subjects, and their names in a second sentence.
 _ACTORS: dict[str, tuple[tuple[str, str], ...]] = {
     "neutral": (
         ("a person", "the person"),
@@ -75,8 +76,8 @@ _ACTORS: dict[str, tuple[tuple[str, str], ...]] = {
     "male": (("a man", "he"), ("the man", "he")),
     "female": (("a woman", "she"), ("the woman", "she")),
 }
-"""Subjects, and their names in a second sentence."""
 
+# Forms of the verbs of both parts, and the text around them.
 _FRAMES = (
     (("going", "goes"), "after {one}, {subject} {other}"),
     (("goes", "going"), "{subject} {one} before {other}"),
@@ -86,7 +87,6 @@ _FRAMES = (
     (("goes", "goes"), "{subject} {one} and after that {other}"),
     (("go", "go"), "{one} and afterwards {other}"),
 )
-"""Forms of the verbs of both parts, and the text around them."""
 
 
 def rewordings(sentence: str, generator: np.random.Generator, count: int) -> list[str]:

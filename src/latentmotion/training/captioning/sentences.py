@@ -13,6 +13,7 @@ from latentmotion.measure.reported_acts import ReportedAct, acts_of
 from latentmotion.ranking.agreement import check
 from latentmotion.training.captioning.phrases import meanwhile, phrases
 
+# Subject, possessive, object pronoun, weight; the last row leaves the subject out.
 _SUBJECTS = (
     ("a person", "their", "them", 8),
     ("the person", "their", "them", 3),
@@ -24,7 +25,6 @@ _SUBJECTS = (
     ("a figure", "its", "it", 1),
     ("", "the", "them", 4),
 )
-"""Subject, possessive, object pronoun, weight; the last row leaves the subject out."""
 
 MOST_ACTS = 5
 """Most acts of one sentence; of more, those that last longest are described."""

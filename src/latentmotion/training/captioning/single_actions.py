@@ -27,27 +27,27 @@ SHORTEST, LONGEST = 16, 196
 _GAITS = kinds("gait")
 _RUNS = ("jog", "run")
 
+# Windows of counted steps that are tried in one clip, which has many.
 _MOST_STEPS = 12
-"""Windows of counted steps that are tried in one clip, which has many."""
 
+# Kinds that repeat, and the most repetitions of a window.
 _COUNTED = {
     "jump": 8, "hop": 8, "kick": 4, "punch": 6, "clap": 1, "knee": 8, "jack": 6, "squat": 4,
     "bow": 4, "raise": 4, "arm_circle": 2, "wave": 2,
 }  # fmt: skip
-"""Kinds that repeat, and the most repetitions of a window."""
 
 _HELD = ("balance", "arms_out", "hands_on_hips", "touch_head")
 _ALTERNATING = ("knee", "punch")
 _LOWERED = {"sit_down": "sit_down", "lie_down": "lie_down", "kneel_down": "kneel"}
 _POSTURES = {"sit": "sit", "lie": "lie", "kneel": "kneel", "crouch": "crouch", "floor": "sit_floor"}
+# Least and most frames of a window before and after an act; others (5, 16).
 _MARGINS = {"raise": (8, 18), "punch": (4, 14), "clap": (5, 14), "wave": (6, 18)}
-"""Least and most frames of a window before and after an act; others (5, 16)."""
 
 Finder = Callable[[Measured, np.random.Generator], Iterator[SingleAction]]
 """Yields candidates, whose windows may show other acts as well."""
 
+# All finders, in the order in which they draw windows.
 _FINDERS: list[Finder] = []
-"""All finders, in the order in which they draw windows."""
 
 
 def single_actions(

@@ -32,11 +32,11 @@ from latentmotion.training.captioning.single_actions import single_actions
 Category = tuple[str, ...]
 """Kind, side, direction, count, degrees and pace of an action; left and right are one."""
 
+# Kinds that may have twice the share of others.
 _LARGE = ("walk", "turn")
-"""Kinds that may have twice the share of others."""
 
+# Times that windows are drawn again for kinds that have few.
 _DRAWS = 8
-"""Times that windows are drawn again for kinds that have few."""
 
 
 @dataclass(frozen=True)
@@ -163,44 +163,44 @@ def _subsampled(singles: list[Found], most: int, generator: np.random.Generator)
     return sample
 
 
+# Frames at which an action may end, and as many at which it may begin.
 _SEAMS = 8
-"""Frames at which an action may end, and as many at which it may begin."""
 
+# Shortest and longest single action; steady movements are cut.
 _FRAMES = (12, 130)
-"""Shortest and longest single action; steady movements are cut."""
 
+# Words of the longest sentence about an action.
 _WORDS = 14
-"""Words of the longest sentence about an action."""
 
+# Shortest piece of a steady movement.
 _STEADY_FRAMES = 24
-"""Shortest piece of a steady movement."""
 
+# Most frames, and most of its length, that an action loses at either end for a better seam.
 _TRIMMED = (8, 0.12)
-"""Most frames, and most of its length, that an action loses at either end for a better seam."""
 
+# Meters; some recordings have a bone without length, which gives it no direction.
 _SHORTEST_BONE = 0.005
-"""Meters; some recordings have a bone without length, which gives it no direction."""
 
+# Share of the greatest speed of a limb that an action has where it is cut in two.
 _BROKEN_OFF = 0.9
-"""Share of the greatest speed of a limb that an action has where it is cut in two."""
 
 _GOING = {"walk", "run", "jog", "march", "sneak", "crawl", "creep", "sprint", "stroll", "stride",
           "tiptoe", "limp", "saunter", "shuffle", "skip"}  # fmt: skip
 _GOING_OR_STANDING = _GOING | {"stand"}
 _STEADY = _GOING | {"stand", "dance", "swim", "dribble"}
 
+# Words for something that a piece of the movement may lack.
 _ENDING = {"turn", "turns", "turning", "circle", "circles", "semi-circle", "once", "twice",
            "times", "steps", "step", "stop", "stops", "stopping", "curve", "around", "from",
            "back", "before", "after", "until", "short", "several", "few", "distance", "up",
            "second", "seconds", "over", "onto", "off"}  # fmt: skip
-"""Words for something that a piece of the movement may lack."""
 
+# Words that distinguish one walk from another.
 _QUALIFYING = {"backward", "backwards", "sideways", "left", "right", "circle", "slowly", "quickly",
             "fast", "place", "up", "down", "both", "floor"}  # fmt: skip
-"""Words that distinguish one walk from another."""
 
+# Words that refer to what was before.
 _REFUSED = {"again", "continue", "continues", "same", "repeat", "repeats", "video", "resume"}
-"""Words that refer to what was before."""
 
 
 @dataclass(frozen=True, eq=False)

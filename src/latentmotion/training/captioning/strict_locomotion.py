@@ -21,18 +21,18 @@ CALM = frozenset(kinds("calm"))
 
 _GAITS = frozenset(kinds("gait"))
 
+# Standing, walking or running, by kind of move.
 _CLASS = {"stand": "stand", "walk": "walk", "jog": "run", "run": "run"}
-"""Standing, walking or running, by kind of move."""
 
+# Classes of the moves of starts, stops and changes of gait.
 _STAGES = {
     "start_walking": ["stand", "walk"], "start_running": ["stand", "run"],
     "stop_walking": ["walk", "stand"], "stop_running": ["run", "stand"],
     "walk_to_run": ["walk", "run"], "run_to_walk": ["run", "walk"],
 }  # fmt: skip
-"""Classes of the moves of starts, stops and changes of gait."""
 
+# Speeds, m/s: below the first is slow, between the next two normal, above the last fast.
 _SPEEDS = {"walk": (0.8, 0.85, 1.35, 1.4), "jog": (1.9, 2.0, 2.6, 2.7), "run": (0.0, 2.7, 3.3, 3.6)}
-"""Speeds, m/s: below the first is slow, between the next two normal, above the last fast."""
 
 CHECKS: dict[str, Check] = {}
 """Checks by kind of action; `strictness` adds those of acts and postures."""

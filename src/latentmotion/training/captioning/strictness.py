@@ -15,8 +15,8 @@ from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stillness
 from latentmotion.training.captioning.strict_locomotion import CALM, CHECKS, checks
 
+# Meters per second at which a punching fist leaves its shoulder; gestures are slower.
 _PUNCH_SPEED = 2.1
-"""Meters per second at which a punching fist leaves its shoulder; gestures are slower."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ class Limits:
     """Most degrees by which the heading changes."""
 
 
+# Limits by kind of action.
 _LIMITS = {
     kind: Limits(**{**row, "also": CALM | frozenset(row["also"].split())})
     for kind, row in tomllib.loads(
         Path(__file__).with_name("strictness.toml").read_text(encoding="utf-8")
     ).items()
 }
-"""Limits by kind of action."""
 
 
 def strictly(action: SingleAction, scene: Measured) -> SingleAction | None:
@@ -192,6 +192,7 @@ def _arm_circles(action: SingleAction, scene: Measured) -> SingleAction | None:
     return replace(action, direction=events[0].direction, count=count)
 
 
+# Sequences of postures that show an action; short postures that are not in them are left out.
 _SEQUENCES = {
     "sit_down": ("stand sit",),
     "sit": ("sit",),
@@ -204,7 +205,6 @@ _SEQUENCES = {
     "kneel": ("stand kneel", "kneel"),
     "crouch": ("stand crouch", "crouch", "stand crouch stand"),
 }  # fmt: skip
-"""Sequences of postures that show an action; short postures that are not in them are left out."""
 
 
 @checks(*_SEQUENCES)

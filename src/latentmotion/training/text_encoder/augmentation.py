@@ -15,8 +15,8 @@ from pathlib import Path
 from latentmotion.language.inflection import present_participle, third_person
 from latentmotion.training.text_encoder.data import TaggedCaption
 
+# `subjects`, `synonyms`, `activities`, `manners`, and `frames` that verbs and activities fill.
 _WORDS = tomllib.loads(Path(__file__).with_name("augmentation.toml").read_text(encoding="utf-8"))
-"""`subjects`, `synonyms`, `activities`, `manners`, and `frames` that verbs and activities fill."""
 
 _SUBJECT = re.compile(
     r"^(?:(?:a|an|the|this)\s+)?(?:standing\s+)?"

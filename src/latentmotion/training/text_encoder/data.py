@@ -30,8 +30,8 @@ from latentmotion.storage.files import atomic_folder
 from latentmotion.storage.reading import parse_json, read_json_file, read_text, unpack_xz
 from latentmotion.training.distributed import DistributedContext
 
+# Batches among which sentences are sorted by length.
 _WINDOW = 50
-"""Batches among which sentences are sorted by length."""
 
 
 @dataclass(frozen=True)
