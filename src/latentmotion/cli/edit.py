@@ -48,14 +48,13 @@ class _Directed:
     runtime: options.RuntimeChoice = "auto"
     threads: options.Threads = None
 
-    def _check(self) -> None:
-        """Checks what needs no file, before any is read."""
+    def _opened(self) -> MotionPipeline:
+        """Opens the model, once outputs and runtime are checked; it loads networks when used."""
         options.check_outputs(self.output)
-        if self.runtime == "pytorch":
+        runtime = self.runtime
+        if runtime == "pytorch":
             raise InputError("--runtime pytorch: motions are directed on onnxruntime or openvino")
-
-    def _pipeline(self) -> MotionPipeline:
-        return MotionPipeline.from_pretrained(self.model, self.runtime, self.threads)
+        return MotionPipeline.from_pretrained(self.model, runtime, self.threads)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,10 +64,6 @@ class _Filling(options.MotionOptions, _Directed):
     seed: options.Seed = 0
     steps: options.Steps = None
     guidance: options.Guidance = None
-
-    def _opened(self) -> MotionPipeline:
-        self._check()
-        return self._pipeline()
 
     def _load(self, path: Path, pipeline: MotionPipeline) -> list[Motion]:
         """Reads motions at the model's frame rate."""
@@ -203,7 +198,7 @@ class Fit(_Directed):
             InputError: A file, an ending or a number cannot be used.
             ModelError: The model cannot be loaded or cannot direct motions.
         """
-        self._check()
+        pipeline = self._opened()
         stated = KeypointOptions(self.fps, self.layout, self.size, self.focal, self.up, self.unit)
         keypoints = read_keypoints(self.file, stated)
         if keypoints.points.shape[2] == 3:
@@ -211,7 +206,7 @@ class Fit(_Directed):
         else:
             reason, names = f"{self.file} has points in a picture", ("unit", "up")
         options.refuse_unused(self, reason, *names)
-        fitted = fit_motion(self._pipeline(), keypoints, noise=self.noise)
+        fitted = fit_motion(pipeline, keypoints, noise=self.noise)
         motion = fitted.cleaned() if self.clean else fitted
         fit = motion.metadata["fit"]
         print(

@@ -199,8 +199,8 @@ class Generate:
         outputs = self.output or (default,)
         options.check_outputs(outputs)
         engine = ENGINES[self.preset] if self.preset else None
-        for path in outputs if engine and engine.endings else ():
-            if path.suffix.lower() not in engine.endings:
+        for path in outputs:
+            if engine and engine.endings and path.suffix.lower() not in engine.endings:
                 expected = f"expected {' or '.join(engine.endings)}"
                 raise InputError(f"--preset {self.preset} cannot be written as {path}; {expected}")
         motions = self._generated(prompts, scene, goals)

@@ -132,7 +132,7 @@ def _schema_of(hint: Any) -> dict[str, Any]:
             "type": "object",
             "description": inspect.cleandoc(hint.__doc__ or ""),
             "properties": {
-                "kind": {"const": hint.__name__},
+                "kind": {"const": typing.cast(Any, hint).__name__},
                 **{option.name: _schema_of(kinds[option.name]) for option in options},
             },
             "required": [

@@ -84,7 +84,7 @@ def _routes(
 
     router = APIRouter(lifespan=lifespan)
 
-    pages = dict.fromkeys(("/studio", "/studio/"), files["index.html"])
+    pages = {path: files["index.html"] for path in ("/studio", "/studio/")}
     policy = {"Content-Security-Policy": POLICY}  # of the page's workers, too
     router.include_router(page_routes(pages, files, "/studio/assets", POLICY, **policy))
     for routes in (

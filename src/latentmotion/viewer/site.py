@@ -124,11 +124,13 @@ _OLDEST_PYTHON = (3, 11)
 _PARTS = (
     *("__init__.py", "arrays.py", "corrections.py", "errors.py", "motion.py", "plugins.py"),
     *("progress.py", "cleanup", "formats", "kinematics", "language", "measure", "render"),
-    *("representation", "storage", "language/acts.toml", "language/words.toml"),
-    *("render/mannequin.json",),
+    *("representation", "storage"),
     *("viewer/__init__.py", "viewer/page.py", "viewer/template.html"),
 )
 """Modules that clean up and write motion; `viewer.js` lies beside the site's page."""
+
+_ENDINGS = (".py", ".json", ".toml", ".tsv", ".txt")
+"""Files of these parts that are needed."""
 
 _LIBRARIES = {
     "array-api-compat": ("__init__.py", "_internal.py", "common", "numpy"),
@@ -216,5 +218,7 @@ def _files(package: str, parts: tuple[str, ...]) -> Iterator[tuple[str, bytes]]:
     root = Path(next(iter(spec.submodule_search_locations)))
     for part in parts:
         whole = root / part
-        for file in sorted(whole.rglob("*.py")) if whole.is_dir() else [whole]:
+        # Tables beside modules, too: skeletons, names of bones, acts and words.
+        inside = (file for file in whole.rglob("*.*") if file.suffix in _ENDINGS)
+        for file in sorted(inside) if whole.is_dir() else [whole]:
             yield f"{package}/{file.relative_to(root).as_posix()}", file.read_bytes()
