@@ -84,7 +84,8 @@ def _routes(
 
     router = APIRouter(lifespan=lifespan)
 
-    pages = {path: files["index.html"] for path in ("/studio", "/studio/")}
+    page = files["index.html"]
+    pages = {"/studio": page, "/studio/": page}
     policy = {"Content-Security-Policy": POLICY}  # of the page's workers, too
     router.include_router(page_routes(pages, files, "/studio/assets", POLICY, **policy))
     for routes in (
