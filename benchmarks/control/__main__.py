@@ -4,7 +4,8 @@
     python -m benchmarks.control run --model fast --kind joints -o results
     python -m benchmarks.control score motions/ -o results
 
-`run` generates the motion of every case, one take as a user gets it, cleaned up. `score` measures
+`run` generates the motion of every case, one take as a user gets it, cleaned up, and appends its
+figures to OUTPUT/run.jsonl; cases that are there already are left out. `score` measures
 motions of any other model: FOLDER/ID.npz (or .bvh, .glb) with HumanML3D's joints at 20 fps.
 Error: mean distance from the goals' places, over all frames of a goal that holds. Sliding: mean
 speed of feet that stand. Jerk: mean over joints and frames. Beside them: the same without goals.
@@ -41,6 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--kind", choices=KINDS, action="append")
     parser.add_argument("--count", type=int, default=200, help="cases of each kind")
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=1e6, help="run again to resume")
     parser.add_argument("-o", "--output", type=Path, required=True)
     options = parser.parse_args(arguments)
     if options.job == "cases":
@@ -51,16 +53,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
     warnings.simplefilter("ignore")
     kinds = options.kind or KINDS
     chosen = [case for case in cases() if case["kind"] in kinds and case["seed"] < options.count]
-    if options.job == "score":
-        rows = [_scored(case, _read(options.folder, case)) for case in chosen]
-    else:
+    options.output.mkdir(parents=True, exist_ok=True)
+    results = options.output / f"{options.job}.jsonl"
+    lines = results.read_text(encoding="utf-8").splitlines() if results.exists() else []
+    rows = {row["id"]: row for row in map(json.loads, lines)}
+    chosen = [case for case in chosen if case["id"] not in rows]
+    if options.job == "run":
         generate = MotionPipeline.from_pretrained(options.model, threads=options.threads)
         generate("a person walks", 3.0, 0, takes=1)
-        rows = [generated(generate, case) for case in chosen]
-    options.output.mkdir(parents=True, exist_ok=True)
-    name = f"{options.job}-{'-'.join(kinds)}.json"
-    (options.output / name).write_text(json.dumps(rows, indent=0), encoding="utf-8")
-    print("\n".join(table(rows)))
+    end = time.monotonic() + 60 * options.minutes
+    with results.open("a", encoding="utf-8") as file:
+        for case in chosen:
+            if time.monotonic() > end:
+                break
+            if options.job == "run":
+                row = generated(generate, case)
+            else:
+                row = _scored(case, _read(options.folder, case))
+            rows[case["id"]] = row
+            print(json.dumps(row), file=file, flush=True)
+    print("\n".join(table([row for row in rows.values() if row["kind"] in kinds])))
 
 
 def generated(generate: MotionPipeline, case: Case) -> dict[str, Any]:
