@@ -234,6 +234,7 @@ class MotionPipeline(PickledByFields):
         takes: int | None = None,
         clean_up: CleanUp | None = USUAL,
         scorer: Scorer | None = None,
+        force: bool = False,
     ) -> Motion: ...
 
     @overload
@@ -250,6 +251,7 @@ class MotionPipeline(PickledByFields):
         takes: int | None = None,
         clean_up: CleanUp | None = USUAL,
         scorer: Scorer | None = None,
+        force: bool = False,
     ) -> list[Motion]: ...
 
     def __call__(
@@ -265,6 +267,7 @@ class MotionPipeline(PickledByFields):
         takes: int | None = None,
         clean_up: CleanUp | None = USUAL,
         scorer: Scorer | None = None,
+        force: bool = False,
         **unknown: Any,
     ) -> Motion | list[Motion]:
         """Turns a prompt into a motion: the best of several takes, cleaned up.
@@ -292,6 +295,8 @@ class MotionPipeline(PickledByFields):
                 default 4 of a sentence if the model samples in few steps, otherwise 1.
             clean_up: Steps of the clean-up; None for the motion as the networks make it.
             scorer: Compares takes with the sentence; by default the one that ships.
+            force: Return the first take, with a warning, where none meets the goals as a person
+                would; its `metadata["violation"]` says what is wrong with it.
             **unknown: None; names of other libraries are answered by the name here.
 
         Raises:
@@ -308,7 +313,7 @@ class MotionPipeline(PickledByFields):
                 raise InputError(f"a prompt is {prompt!r}; expected words, or a list of prompts")
             options: dict[str, Any] = {"seed": seed, "steps": steps, "guidance": guidance}
             options |= {"sampler": sampler, "goals": goals, "from_clips": from_clips}
-            options |= {"takes": takes, "clean_up": clean_up, "scorer": scorer}
+            options |= {"takes": takes, "clean_up": clean_up, "scorer": scorer, "force": force}
             lengths = requests.each(seconds, len(prompt))
             return [self(text, s, **options) for text, s in zip(prompt, lengths, strict=True)]
         (length,) = requests.each(seconds, 1)
@@ -317,7 +322,7 @@ class MotionPipeline(PickledByFields):
         of = usual_takes(self.card, prompt) if takes is None else takes
         settings = (steps, guidance, sampler, goals, from_clips, clean_up)
         if of != 1:
-            return best_of(self.ranked(prompt, of, length, seed, *settings, scorer))
+            return best_of(self.ranked(prompt, of, length, seed, *settings, scorer, force))
 
         def take(seed: int, from_clips: bool) -> Motion:
             raw = self.raw_motions([prompt], length, [seed], *settings[:3], from_clips, goals)
@@ -331,6 +336,7 @@ class MotionPipeline(PickledByFields):
             lambda number: [take(seed + number, from_clips and number % 2 == 1)],
             lambda motion: motion,
             _MOST_TAKES,
+            force,
         )
 
     def _meeting(
@@ -338,6 +344,7 @@ class MotionPipeline(PickledByFields):
         takes: Callable[[int], Iterable[Item]],
         motion: Callable[[Item], Motion],
         rounds: int,
+        force: bool,
     ) -> Item:
         """Returns the first take that meets its goals and moves as people do.
 
@@ -345,28 +352,33 @@ class MotionPipeline(PickledByFields):
             takes: Takes of a round, by its number, the best first.
             motion: The motion of a take, cleaned up and at its goals.
             rounds: Number of rounds.
+            force: Return the first one where none does.
 
         Raises:
             InputError: None does; the message names the goal.
         """
-        from latentmotion.control.direct import unmet
-
-        problem, count = None, 0
+        every: list[Item] = []
         with warnings.catch_warnings(record=True) as notes:
             warnings.simplefilter("always")
             for take in (take for number in range(rounds) for take in takes(number)):
-                wrong = unmet(motion(take))
-                if wrong is None:
+                if "violation" not in motion(take).metadata:
                     break
-                problem, count = problem or wrong, count + 1
+                every.append(take)
                 # Of takes that are not kept nobody needs to know how they were cleaned up.
                 notes[:] = [note for note in notes if not isinstance(note.message, CleanUpWarning)]
             else:
-                raise InputError(
-                    f"none of {count} takes meets the goals as a person would; in the first one "
-                    f"{problem}. Set that goal nearer or later, give the motion more time, or say "
-                    "in the sentence what it needs, such as turning around"
+                take = every[0]
+                problem = (
+                    f"none of {len(every)} takes meets the goals as a person would; in the first "
+                    f"one {motion(take).metadata['violation']}"
                 )
+                if not force:
+                    raise InputError(
+                        f"{problem}. Set that goal nearer or later, give the motion more time, or "
+                        "say in the sentence what it needs, such as turning around; --force writes "
+                        "it anyway"
+                    )
+                warnings.warn(problem, CleanUpWarning, stacklevel=3)
         for text, note in {str(raised.message): raised.message for raised in notes}.items():
             warnings.warn(note if isinstance(note, Warning) else text, stacklevel=3)
         return take
@@ -384,6 +396,7 @@ class MotionPipeline(PickledByFields):
         from_clips: bool = True,
         clean_up: CleanUp | None = USUAL,
         scorer: Scorer | None = None,
+        force: bool = False,
     ) -> list[Take]:
         """Returns several takes of a sentence with their scores, the best first.
 
@@ -399,6 +412,7 @@ class MotionPipeline(PickledByFields):
             from_clips: Whether every other take may start from a clip.
             clean_up: Steps after which claims of the sentence are measured.
             scorer: Compares takes with the sentence.
+            force: Keep a take that does not meet the goals as a person would where all are so.
 
         Raises:
             InputError: The model reads no sentences or moves another skeleton, or a number is out
@@ -448,7 +462,10 @@ class MotionPipeline(PickledByFields):
                 yield finished(raw, take), [other for other in every if other is not take]
 
         best_take, others = self._meeting(
-            rounds, lambda pair: pair[0].cleaned or pair[0].motion, max(1, _MOST_TAKES // takes)
+            rounds,
+            lambda pair: pair[0].cleaned or pair[0].motion,
+            max(1, _MOST_TAKES // takes),
+            force,
         )
         return [best_take, *others]
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from latentmotion import Heading, Motion, MotionPipeline, Pose, Reach, RootPath
+from latentmotion.cleanup import CleanUpWarning
 from latentmotion.cli.main import main
 from latentmotion.control.direct import goal_report
 from latentmotion.control.edit import generate_between, generate_edited, generate_joined
@@ -43,6 +44,10 @@ def test_what_nobody_could_do_is_refused_and_the_goal_named() -> None:
     goals = [Reach("pelvis", 0.5, (0, None, 0.1)), Reach("right_wrist", 1.5, (-0.2, 1.0, -3.5))]
     with pytest.raises(InputError, match=r"of 12 takes .*right_wrist at 1.5 s was \d+ cm away"):
         pipeline("a person walks forward", 2.0, 0, goals=goals)
+    with pytest.warns(CleanUpWarning, match="none of 12 takes"):
+        forced = pipeline("a person walks forward", 2.0, 0, goals=goals, force=True)
+    assert "right_wrist at 1.5 s was" in forced.metadata["violation"]
+    assert forced.metadata["seed"] == 0 and forced.metadata["goals"][1]["after"] < 1e-3
 
 
 def test_a_pose_at_the_start_says_where_the_motion_starts() -> None:

@@ -88,6 +88,8 @@ class Directing:
     loop: bool = False
     """Make seamless cycles: the last frame is the first, farther along a straight path; --in-place
     takes the path away."""
+    force: bool = False
+    """Write a motion that meets its goals only by flying or breaking, with a warning."""
 
     def read_scene(self) -> Scene | None:
         """Returns the scene of the file, if one is named."""
@@ -310,6 +312,7 @@ class Generate:
             (timeline, directing, "a timeline takes no goals", *of_goals),
             (loop, sampling, f"a loop starts from noise, {usual}", "sampler", "moves"),
             (goals, sampling, "a motion with goals starts from noise", "moves"),
+            (not goals, directing, "there are no goals", "force"),
             (no_clips, sampling, "--no-from-clips starts all motions from noise", "moves"),
             (sampling.steps == 1, sampling, "a motion of one step starts from noise", "moves"),
         ):
@@ -331,7 +334,7 @@ class Generate:
         self, prompts: list[str], scene: Scene | None, goals: list[Goal]
     ) -> list[Motion]:
         """Loads the model and generates the motions."""
-        execution, sampling = self.execution, self.sampling
+        execution, sampling, directing = self.execution, self.sampling, self.directing
         computing = execution.execution
         body = representation_of(smpl.load_smpl(execution.body)) if execution.body else None
         steps, threads = self.clean_up.steps(), execution.threads
@@ -347,7 +350,7 @@ class Generate:
         )
         generator = replace(generator, body=body).with_moves(*sampling.moves)
         seed = (scene.seed if scene and self.seed is None else self.seed) or 0
-        if self.directing.timeline or (scene and scene.timeline):
+        if directing.timeline or (scene and scene.timeline):
             return self._timelines(generator, scene, seed, steps)
         seconds = scene.seconds if scene and self.seconds is None else self.seconds
         if self._loops(scene):
@@ -361,7 +364,7 @@ class Generate:
         # A motion's takes have the seeds behind it, so that no two motions share a take.
         settings = (*settings, goals, sampling.from_clips, takes, steps)
         return [
-            generator(prompt, seconds, seed + takes * number, *settings)
+            generator(prompt, seconds, seed + takes * number, *settings, force=directing.force)
             for number, prompt in enumerate(repeated)
         ]
 

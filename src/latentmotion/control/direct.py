@@ -286,7 +286,11 @@ def at_goals(cleaned: Motion, goals: Sequence[Directed]) -> Motion:
     looks = [goal for goal in goals if isinstance(goal, LookAt)]
     exact = looking(exact, looks) if looks else exact
     about = {**cleaned.metadata, **goal_report(goals, cleaned, exact)}
-    return replace(exact, metadata=about).with_recorded(exact.recorded)
+    exact = replace(exact, metadata=about).with_recorded(exact.recorded)
+    violation = unmet(exact)
+    return (
+        exact if violation is None else replace(exact, metadata={**about, "violation": violation})
+    )
 
 
 def goal_report(goals: Sequence[Directed], before: Motion, after: Motion) -> dict[str, object]:
