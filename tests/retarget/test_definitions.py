@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from benchmarks.quality.rigs import MIXAMO, write_rig
+from latentmotion.cleanup import CleanUpWarning
 from latentmotion.errors import DataError, InputError
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.retarget import Rig, find_humanoid, read_rig, retarget
+from latentmotion.retarget.hands import place_hands, point_of
 from latentmotion.retarget.rig import RestPose, RigPose, SourceCharacter
 from latentmotion.retarget.transfer import check_output, write
 from tests.support.walker import walker
@@ -201,3 +203,44 @@ def test_endings_that_a_rig_cannot_have_are_told(rig: Rig, motion: Motion, tmp_p
         write(tmp_path / "a.bvh", rig, [])
     assert not list(tmp_path.iterdir())
     assert len(write(tmp_path / "a.bvh", rig, [motion, motion], fps=10)) == 2
+
+
+# Hands
+
+
+def test_palms_of_the_character_are_at_the_goals_of_the_motion(motion: Motion, rig: Rig) -> None:
+    rest = RigPose(rig, {}, np.zeros((1, 3)))
+
+    def palms(animation: Animation) -> list[np.ndarray]:
+        joints, found = animation.joints(), []
+        world = rig.skeleton.world_rotations(animation.rotations)
+        for side in ("right", "left"):
+            wrist = rig.body.joints[f"{side}_wrist"]
+            beyond = (point_of(rest, f"{side}_hand") - rest.joints[:, wrist])[0]
+            found.append(joints[:, wrist] + world[:, wrist] @ beyond)
+        return found
+
+    free = palms(retarget(motion, rig))[0]
+    place = (free[8] + (0.0, 0.1, 0.05)).tolist()
+    times = {"at": 8 / motion.fps, "until": 9 / motion.fps}
+    goals = [
+        {"joint": "left_hand", **times, "to": [0.2, 0, 0], "relative_to": "right_hand"},
+        {"joint": "right_hand", "at": 8 / motion.fps, "to": place},
+    ]
+    right, left = palms(retarget(replace(motion, metadata={"goals": goals}), rig))
+    np.testing.assert_allclose(right[8], place, atol=1e-4)
+    np.testing.assert_allclose(np.linalg.norm(left - right, axis=-1)[8:10], 0.2, atol=1e-4)
+    far = [{"joint": "right_hand", "at": 0.2, "to": [9, 1, 9]}]
+    with pytest.warns(CleanUpWarning, match="right_hand at 0.2 s: .* cm too short"):
+        retarget(replace(motion, metadata={"goals": far}), rig)
+
+
+def test_hands_below_the_floor_are_lifted_onto_it(motion: Motion, rig: Rig) -> None:
+    source = SourceCharacter.of(motion)
+    hips = np.tile((0.0, 1.0, 0.0), (len(motion), 1))
+    pose = RigPose(rig, {}, hips)
+    low = pose.moved({}, hips - point_of(pose, "left_fingertips") * (0, 1, 0) - (0, 0.06, 0))
+    lifted = place_hands(low, source)
+    for side in ("left", "right"):
+        assert point_of(low, f"{side}_fingertips")[:, 1].max() < -0.05
+        assert point_of(lifted, f"{side}_fingertips")[:, 1].min() > -0.01

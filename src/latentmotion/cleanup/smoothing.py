@@ -23,6 +23,8 @@ pace c and the least slowing are taken for which the last moment with fast movem
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from jaxtyping import Float
 
@@ -162,3 +164,58 @@ def settled(joints: Joints, fps: float) -> Joints:
     u = (at - first)[:, None, None]
     a, b, c, d = (joints[np.clip(first + n, 0, last)] for n in (-1, 0, 1, 2))
     return b + 0.5 * u * (c - a + u * (2 * a - 5 * b + 4 * c - d + u * (3 * (b - c) + d - a)))
+
+
+def spread(
+    offsets: dict[int, np.ndarray], frames: int, blend: float
+) -> Float[np.ndarray, "frames 3"]:
+    """Returns a curve through offsets at some frames, with continuous velocity.
+
+    Between two that are near one goes over to the other, elsewhere to zero. At the ends of a run of
+    frames, one after the other, the curve goes on as fast as the offsets change there.
+
+    Args:
+        offsets: By frame.
+        frames: Length of the curve.
+        blend: Frames in which an offset comes and goes.
+    """
+    known = sorted(offsets)
+    curve, still = np.zeros((frames, 3)), np.zeros(3)
+    if not known:
+        return curve
+
+    def rate(frame: int, ahead: int) -> np.ndarray:
+        """Returns the change per frame at the end of a run that lies ahead (1) or behind (-1)."""
+        near = [offsets.get(frame + n * ahead) for n in range(3)]
+        if any(offset is None for offset in near) or frame - ahead in offsets:
+            return still
+        return ahead * (-1.5 * near[0] + 2 * near[1] - 0.5 * near[2])  # type: ignore[operator]
+
+    # Frame, offset, and its change per frame, on either side.
+    knots = [(known[0] - blend, still, still, still)]
+    for frame, later in zip(known, [*known[1:], None], strict=True):
+        knots.append(
+            (float(frame), np.asarray(offsets[frame], float), rate(frame, 1), rate(frame, -1))
+        )
+        if later is None:
+            knots.append((frame + blend, still, still, still))
+        elif later - frame > 2 * blend:
+            knots += [(at, still, still, still) for at in (frame + blend, later - blend)]
+    time = np.arange(frames)
+    for (start, a, _, leaving), (end, b, meeting, _) in pairwise(knots):
+        inside, length = (time >= start) & (time <= end), max(end - start, 1e-9)
+        u = ((time[inside] - start) / length)[:, None]
+        ease = quintic(u)
+        rates = rate_left(u) * leaving - rate_left(1 - u) * meeting
+        curve[inside] = (1 - ease) * a + ease * b + length * rates
+    return curve
+
+
+def quintic(u: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
+    """Returns a step from 0 to 1 whose velocity and acceleration are 0 at both ends."""
+    return u**3 * (10 - 15 * u + 6 * u**2)
+
+
+def rate_left(u: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
+    """Returns a curve of slope 1 at 0; all else of it, to its acceleration, is 0 at both ends."""
+    return u * (1 - u) ** 3 * (1 + 3 * u)

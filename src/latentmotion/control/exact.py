@@ -12,7 +12,6 @@ position and the velocity of what they replace at both seams (Bollo 2018, inerti
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -22,6 +21,7 @@ from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
 from latentmotion.cleanup.floor import find_arms
 from latentmotion.cleanup.leg_ik import Leg, find_legs
 from latentmotion.cleanup.leg_ik import reach as bend
+from latentmotion.cleanup.smoothing import quintic, rate_left, spread
 from latentmotion.control.goals import Targets, hand_points, heading_gaps, with_hands
 from latentmotion.kinematics.rotations import quaternion_from_axis_angle, quaternion_rotate
 from latentmotion.kinematics.skeleton import Skeleton, joints_of_bones
@@ -78,49 +78,6 @@ def _turned(joints: Joints, targets: Targets, fps: float, skeleton: Skeleton) ->
     return root + turn(joints - root, angle)
 
 
-def spread(offsets: dict[int, np.ndarray], frames: int, blend: float) -> Offsets:
-    """Returns a curve through offsets at some frames, with continuous velocity.
-
-    Between two that are near one goes over to the other, elsewhere to zero. At the ends of a run of
-    frames, one after the other, the curve goes on as fast as the offsets change there.
-
-    Args:
-        offsets: By frame.
-        frames: Length of the curve.
-        blend: Frames in which an offset comes and goes.
-    """
-    known = sorted(offsets)
-    curve, still = np.zeros((frames, 3)), np.zeros(3)
-    if not known:
-        return curve
-
-    def rate(frame: int, ahead: int) -> np.ndarray:
-        """Returns the change per frame at the end of a run that lies ahead (1) or behind (-1)."""
-        near = [offsets.get(frame + n * ahead) for n in range(3)]
-        if any(offset is None for offset in near) or frame - ahead in offsets:
-            return still
-        return ahead * (-1.5 * near[0] + 2 * near[1] - 0.5 * near[2])  # type: ignore[operator]
-
-    # Frame, offset, and its change per frame, on either side.
-    knots = [(known[0] - blend, still, still, still)]
-    for frame, later in zip(known, [*known[1:], None], strict=True):
-        knots.append(
-            (float(frame), np.asarray(offsets[frame], float), rate(frame, 1), rate(frame, -1))
-        )
-        if later is None:
-            knots.append((frame + blend, still, still, still))
-        elif later - frame > 2 * blend:
-            knots += [(at, still, still, still) for at in (frame + blend, later - blend)]
-    time = np.arange(frames)
-    for (start, a, _, leaving), (end, b, meeting, _) in pairwise(knots):
-        inside, length = (time >= start) & (time <= end), max(end - start, 1e-9)
-        u = ((time[inside] - start) / length)[:, None]
-        ease = quintic(u)
-        rates = _rate_left(u) * leaving - _rate_left(1 - u) * meeting
-        curve[inside] = (1 - ease) * a + ease * b + length * rates
-    return curve
-
-
 def held_in_contacts(
     offsets: dict[int, np.ndarray], standing: Bool[np.ndarray, " frames"], blend: float
 ) -> Offsets:
@@ -159,16 +116,6 @@ def held_in_contacts(
         curve = spread(known, len(standing), blend)
     curve[:, 1] = height
     return curve
-
-
-def quintic(u: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
-    """Returns a step from 0 to 1 whose velocity and acceleration are 0 at both ends."""
-    return u**3 * (10 - 15 * u + 6 * u**2)
-
-
-def _rate_left(u: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
-    """Returns a curve of slope 1 at 0; all else of it, to its acceleration, is 0 at both ends."""
-    return u * (1 - u) ** 3 * (1 + 3 * u)
 
 
 def inertialized(
@@ -228,7 +175,7 @@ def _decay(
 ) -> tuple[Float[np.ndarray, "frames 1 1"], Float[np.ndarray, "frames 1 1"]]:
     """Returns what is left of an offset and of its rate, from the first frame after a seam on."""
     u = np.clip((np.arange(count) + 1) / (blend + 1), 0, 1)[:, None, None]
-    return 1 - quintic(u), (blend + 1) * _rate_left(u)
+    return 1 - quintic(u), (blend + 1) * rate_left(u)
 
 
 def _rotation_between(

@@ -8,11 +8,10 @@ Goals may hold for some time. A hand is a point on the line of its forearm beyon
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
-from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -20,6 +19,7 @@ from jaxtyping import Bool, Float, Int
 from latentmotion.arrays import unit
 from latentmotion.cleanup.floor import find_arms
 from latentmotion.errors import InputError, hint
+from latentmotion.kinematics.bone_names import BEYOND_WRIST
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
@@ -37,9 +37,6 @@ _JUMP = 0.7
 _TURN = 0.3
 
 Coordinate = float | None
-
-BEYOND_WRIST: Mapping[str, float] = MappingProxyType({"hand": 0.09, "fingertips": 0.18})
-"""Meters from the wrist to the middle of the palm and to the tip of the middle finger."""
 
 
 @dataclass(frozen=True)

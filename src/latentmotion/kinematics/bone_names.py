@@ -84,6 +84,9 @@ NameMap = Mapping[str, tuple[str, ...]]
 
 SIDES = ("left", "right")
 
+BEYOND_WRIST: Mapping[str, float] = MappingProxyType({"hand": 0.09, "fingertips": 0.18})
+"""Meters from the wrist to the middle of the palm and to the tip of the middle finger."""
+
 LIMB_JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 """Joints that every rig must have on both sides."""
 

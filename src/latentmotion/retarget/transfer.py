@@ -12,7 +12,8 @@ D is a joint's rotation in the world away from its rest pose, d its bone's direc
     fingers        as limbs, where both bodies name them
     all others     at rest relative to their parent
 
-Hips move as the source's do, times the ratio of the legs. `feet.py` puts the feet on the floor.
+Hips move as the source's do, times the ratio of the legs. `feet.py` puts the feet on the floor,
+`hands.py` palms and fingertips at their goals.
 A motion that was recorded on this very skeleton keeps every rotation and every position.
 
 Root motion is the path along the floor and the heading, without the sway of the steps. It moves the
@@ -50,6 +51,7 @@ from latentmotion.kinematics.standing import RestPose, facing_at_rest
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
 from latentmotion.retarget.feet import align_foot, ground_feet
+from latentmotion.retarget.hands import place_hands
 from latentmotion.retarget.rig import Rig, RigPose, Rotations, SourceCharacter
 from latentmotion.retarget.rig_files import RigTake
 
@@ -99,7 +101,8 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
     standing = scale * character.standing_height("ankle")
     rest = np.mean([rig.rest()[rig.body.joints[f"{side}_ankle"], 1] for side in SIDES])
     pose = RigPose(rig, rotations, scale * hips + (0, rest - standing, 0))
-    return ground_feet(pose, character).animation(character.fps)
+    goals = source.metadata.get("goals", ()) if isinstance(source, Motion) else ()
+    return place_hands(ground_feet(pose, character), character, goals).animation(character.fps)
 
 
 def _is_own(source: SourceCharacter, rig: Rig) -> bool:

@@ -1,0 +1,145 @@
+"""Hands of the rig: its own palms and fingertips at the goals of the motion, and above the floor.
+
+A goal that the motion met is met by the rig, too, where its arm reaches there; elsewhere the hand
+stays as it was retargeted, at the scale of the legs. Hands below the floor are lifted onto it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.arrays import unit
+from latentmotion.cleanup.leg_ik import reach
+from latentmotion.cleanup.pipeline import CleanUpWarning
+from latentmotion.cleanup.smoothing import spread, upper_envelope
+from latentmotion.kinematics.bone_names import BEYOND_WRIST, SIDES
+from latentmotion.kinematics.humanoid import fingers_below
+from latentmotion.kinematics.rotations import matrix_between
+from latentmotion.representation.canonical import turn
+from latentmotion.retarget.rig import Rig, RigPose, SourceCharacter
+
+Points = Float[np.ndarray, "frames 3"]
+
+_BLEND = 0.5
+"""Seconds in which a hand leaves its own way for a goal and returns to it."""
+
+_STRETCH = 0.999
+"""Share of its full length to which an arm is stretched at most."""
+
+
+def place_hands(
+    pose: RigPose, source: SourceCharacter, goals: Sequence[Mapping[str, Any]] = ()
+) -> RigPose:
+    """Returns the pose with its hands at the goals that its arms reach, and above the floor.
+
+    Args:
+        pose: The rig.
+        source: What it was retargeted from.
+        goals: Entries of the motion's goal report.
+
+    Warns:
+        CleanUpWarning: A goal is beyond the rig's arm.
+    """
+    points = [f"{side}_{part}" for side in SIDES for part in ("wrist", *BEYOND_WRIST)]
+    hands = [goal for goal in goals if goal.get("joint") in points]
+    # A hand whose place counts from another joint comes after that one.
+    for goal in sorted(hands, key=lambda goal: "relative_to" in goal):
+        pose = _at_goal(pose, goal, source.fps)
+    scale = pose.rig.leg / source.leg
+    for side in SIDES:
+        tips = f"{side}_fingertips"
+        lowest = np.minimum(0, scale * _source_point(source, tips)[:, 1])
+        for _ in range(2):  # the hand turns with its forearm
+            need = np.maximum(0, lowest - point_of(pose, tips)[:, 1])
+            lift = upper_envelope(need, max(1, round(0.1 * source.fps)))
+            pose = _bent(pose, tips, lift[:, None] * np.array([0.0, 1.0, 0.0]))
+    return pose
+
+
+def _at_goal(pose: RigPose, goal: Mapping[str, Any], fps: float) -> RigPose:
+    """Returns the pose with a point of a hand at its goal, if the arm reaches there."""
+    name, last = goal["joint"], len(pose.hips) - 1
+    first, end = (
+        min(max(round(at * fps), 0), last) for at in (goal["at"], goal.get("until", goal["at"]))
+    )
+    now = point_of(pose, name)
+    to = np.array([np.nan if value is None else value for value in goal["to"]], float)
+    place = np.tile(to, (len(now), 1))
+    if "relative_to" in goal:
+        ahead = pose.world[:, pose.rig.body.pelvis, :, 2]
+        yaw = np.arctan2(ahead[:, 0], ahead[:, 2])
+        place = point_of(pose, goal["relative_to"]) + turn(np.nan_to_num(place), yaw)
+    place = np.where(np.isnan(to), now, place)
+    side = name.partition("_")[0]
+    shoulder, elbow = (pose.position(f"{side}_{joint}") for joint in ("shoulder", "elbow"))
+    whole = np.linalg.norm(elbow - shoulder, axis=-1) + np.linalg.norm(now - elbow, axis=-1)
+    short = (np.linalg.norm(place - shoulder, axis=-1) - _STRETCH * whole)[first : end + 1].max()
+    if short > 0:
+        warnings.warn(
+            f"{name} at {goal['at']:g} s: this character's arm is {1e2 * short:.0f} cm too short "
+            "for the goal; the hand is where it is at the scale of its legs",
+            CleanUpWarning,
+            stacklevel=4,
+        )
+        return pose
+    offsets = {frame: (place - now)[frame] for frame in range(first, end + 1)}
+    return _bent(pose, name, spread(offsets, len(now), _BLEND * fps))
+
+
+def _bent(pose: RigPose, name: str, offset: Points) -> RigPose:
+    """Returns the pose with a point of a hand moved by bending the arm; the hand goes with it."""
+    if not offset.any():
+        return pose
+    body, side = pose.rig.body, name.partition("_")[0]
+    chain = [body.joints[f"{side}_{joint}"] for joint in ("shoulder", "elbow", "wrist")]
+    shoulder, elbow, end = pose.joints[:, chain[0]], pose.joints[:, chain[1]], point_of(pose, name)
+    middle = np.mean([pose.position(f"{other}_shoulder") for other in SIDES], axis=0)
+    out = elbow - (shoulder + end) / 2 + 0.1 * (shoulder - middle)
+    bent, tip = reach(shoulder, elbow, end, end + offset, out)
+    moved = np.abs(offset).max(axis=-1) > 0
+    upper = matrix_between(elbow - shoulder, bent - shoulder)
+    lower = matrix_between(end - elbow, tip - bent)
+    upper[~moved] = lower[~moved] = np.eye(3)
+    rotations = {chain[0]: upper @ pose.world[:, chain[0]]}
+    for joint in {chain[1], chain[2], *pose.rotations}:
+        if joint == chain[1] or chain[2] in body.lines[joint]:
+            rotations[joint] = lower @ pose.world[:, joint]
+    return pose.moved(rotations)
+
+
+def point_of(pose: RigPose, name: str) -> Points:
+    """Returns the positions of a joint or of a point of a hand."""
+    side, _, part = name.partition("_")
+    if part not in BEYOND_WRIST:
+        return pose.position(name)
+    wrist = pose.rig.body.joints[f"{side}_wrist"]
+    return pose.joints[:, wrist] + pose.world[:, wrist] @ _beyond(pose.rig, side, part)
+
+
+def _beyond(rig: Rig, side: str, part: str) -> Float[np.ndarray, " 3"]:
+    """Returns the way from the wrist to a point of the hand at rest, by its fingers if any."""
+    body, rest = rig.body, rig.rest()
+    elbow, wrist = (rest[body.joints[f"{side}_{joint}"]] for joint in ("elbow", "wrist"))
+    fingers = fingers_below(body, f"{side}_wrist")
+    finger = fingers.get("middle") or fingers.get("index")
+    if finger is None:
+        return BEYOND_WRIST[part] * rig.leg / _USUAL_LEG * unit(wrist - elbow)
+    last = finger[-1]
+    tip = next(iter(body.skeleton.children(last)), last)
+    return rest[finger[0] if part == "hand" else tip] - wrist
+
+
+_USUAL_LEG = 0.82
+"""Meters of the legs of a body whose hands are as long as `BEYOND_WRIST` says."""
+
+
+def _source_point(source: SourceCharacter, name: str) -> Points:
+    """Returns the positions of a point of a hand of the motion, on the line of its forearm."""
+    side, _, part = name.partition("_")
+    elbow, wrist = (source.position(f"{side}_{joint}") for joint in ("elbow", "wrist"))
+    return wrist + BEYOND_WRIST[part] * unit(wrist - elbow)
