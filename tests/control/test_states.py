@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from latentmotion.cleanup.loops import turn_of
 from latentmotion.cli.main import main
 from latentmotion.control.states import State, generate_states, parse_state
 from latentmotion.errors import InputError
+from latentmotion.formats.engine_folders import write_unity
 from latentmotion.formats.gltf_reader import read_animations
 from latentmotion.formats.tables import contact_events
 from latentmotion.motion import Motion
@@ -106,5 +108,39 @@ def test_the_command_writes_clips_events_and_a_table(
     document = output.read_bytes()
     assert b'"left_foot_down"' in document and b'"name":"walk"' in document
     with pytest.raises(SystemExit):
+        main(["set", "-o", str(tmp_path / "hero"), "--preset", "mixamo"])
+    assert "a folder is for --preset godot or unity" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
         main(["set", "-o", str(output), "--states", "idle", "idle"])
     assert "two states are called 'idle'" in capsys.readouterr().err
+
+
+def test_a_folder_for_godot_has_loops_root_motion_and_events(tmp_path: Path) -> None:
+    folder = tmp_path / "hero"
+    words = ["--states", "idle", "walk", "--takes", "2", "--threads", "1"]
+    main(["set", "-o", str(folder), "--preset", "godot", *words])
+    settings = (folder / "hero.glb.import").read_text(encoding="utf-8")
+    loops = json.loads(settings.partition("_subresources=")[2])["animations"]
+    assert loops == {name: {"settings/loop_mode": 1} for name in ("idle", "walk")}
+    script = (folder / "hero.gd").read_text(encoding="utf-8")
+    assert 'const ROOT := "Root"' in script and '$Figure.find_children("*"' in script
+    (events,) = re.findall(r"const EVENTS := (.*)", script)
+    table = json.loads((folder / "hero.set.json").read_text(encoding="utf-8"))
+    expected = [[e["time"], e["event"]] for e in table["clips"][1]["events"]]
+    assert json.loads(events)["walk"] == [[pytest.approx(t, abs=1e-4), e] for t, e in expected]
+    assert 'path="hero.glb"' in (folder / "hero.tscn").read_text(encoding="utf-8")
+
+
+def test_a_script_for_unity_names_clips_loops_and_events(tmp_path: Path) -> None:
+    events = [{"time": 0.5, "event": "left_foot_down"}]
+    clips = [
+        {"state": "walk", "loop": True, "seconds": 2.0, "events": events},
+        {"state": "jump", "loop": False, "seconds": 1.0, "events": []},
+    ]
+    (path,) = write_unity(tmp_path / "my hero.fbx", clips, "Root")
+    script = path.read_text(encoding="utf-8")
+    assert path == tmp_path / "Editor" / "my heroImport.cs" and "class Import_my_hero :" in script
+    assert 'name = "walk", loops = true, times = new float[] { 0.25000f },' in script
+    assert 'what = new string[] { "left_foot_down" }' in script
+    assert 'name = "jump", loops = false, times = new float[] {  },' in script
+    assert "$" not in script and script.count("{") == script.count("}")

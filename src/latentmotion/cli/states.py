@@ -17,6 +17,7 @@ from latentmotion.control.direct import sliding_in_contact
 from latentmotion.control.states import generate_states, parse_state
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.errors import InputError
+from latentmotion.formats.engine_folders import write_godot, write_unity
 from latentmotion.formats.engines import ENGINES, EngineName, for_engine
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT
@@ -24,21 +25,27 @@ from latentmotion.motion import Motion
 from latentmotion.retarget import read_rig, transfer
 from latentmotion.storage.files import atomic_file, cache_folder
 
+# Presets that write folders, and the ending of the figure in them.
+_FOLDERS = {"godot": ".glb", "unity": ".fbx"}
+
 
 @dataclass(frozen=True)
 class ClipSet:
     """Make clips of a state machine: loops and single moves that begin and end in one pose.
 
     Beside the file: .events.csv (when feet touch the floor, for notifies and animation events) and
-    .set.json (speeds, lengths, loops, root motion).
+    .set.json (speeds, lengths, loops, root motion). With a folder in place of a file, a figure with
+    all that Godot 4 or Unity need to import it (--preset godot or unity).
 
     Examples:
         latentmotion set -o hero.glb --states idle walk run "turn left 90" "turn right 180" jump
         latentmotion set -o hero.fbx --to character.fbx --states idle walk@1.4 run@3.5
+        latentmotion set -o game/hero --preset godot --states idle walk run
     """
 
     output: Annotated[Path, arg(aliases=["-o"])]
-    """File to write: .glb, .gltf or .fbx with a clip for each state; .bvh, a file for each."""
+    """File to write: .glb, .gltf or .fbx with a clip for each state; .bvh, a file for each; or a
+    folder for Godot or Unity."""
     states: tuple[str, ...] = ("idle", "walk", "run")
     """States: idle, walk, run, jog, "walk backward", jump, wave, kick, punch, "turn left 90", or
     NAME=SENTENCE, NAME=loop:SENTENCE. walk@1.4 is a loop at 1.4 m/s."""
@@ -66,13 +73,20 @@ class ClipSet:
         check_fps(self.fps)
         if self.takes < 1:
             raise InputError(f"--takes {self.takes}: expected 1 or more")
-        options.check_outputs([self.output])
+        output = self.output
+        if not output.suffix:
+            if self.preset not in _FOLDERS:
+                expected = "a file such as hero.glb; a folder is for --preset godot or unity"
+                raise InputError(f"-o {output}: --preset {self.preset} expects {expected}")
+            output = output / (output.name + _FOLDERS[self.preset])
+            output.parent.mkdir(parents=True, exist_ok=True)
+        options.check_outputs([output])
         rig = read_rig(self.to) if self.to is not None else None
         if rig is not None:
-            transfer.check_output(rig, self.output)
-        elif self.output.suffix.lower() not in ENGINES[self.preset].endings:
+            transfer.check_output(rig, output)
+        elif output.suffix.lower() not in ENGINES[self.preset].endings:
             expected = " or ".join(ENGINES[self.preset].endings)
-            raise InputError(f"--preset {self.preset}: {self.output} is none of {expected}")
+            raise InputError(f"--preset {self.preset}: {output} is none of {expected}")
         computing = ExecutionOptions(options.AUTO)
         generator = load_generator(
             self.model, "auto", self.threads, None, computing, cache_folder()
@@ -80,12 +94,20 @@ class ClipSet:
         clips = generate_states(generator, states, self.seed, self.takes)
         clips = [clip.resampled(self.fps) for clip in clips]
         if rig is None:
-            written = formats.save(self.output, [for_engine(clip, self.preset) for clip in clips])
+            written = formats.save(output, [for_engine(clip, self.preset) for clip in clips])
+            bone = ENGINES[self.preset].root
         else:
             root: transfer.RootMotion = "root" if rig.root_motion_bone else "pelvis"
             names = [state.name for state in states]
-            written = transfer.write(self.output, rig, clips, None, names, root)
-        written += _write_tables(self.output, clips)
+            written = transfer.write(output, rig, clips, None, names, root)
+            bone = rig.skeleton.names[0] if rig.root_motion_bone else ""
+        entries, tables = _write_tables(output, clips)
+        written += tables
+        if output != self.output:
+            if self.preset == "godot":
+                written += write_godot(output, entries, bone, self.fps)
+            else:
+                written += write_unity(output, entries, bone)
         for clip in clips:
             about = clip.metadata
             kind = "loop" if about.get("loop") else f"turns {about['degrees']:g}°"
@@ -98,7 +120,7 @@ class ClipSet:
         options.print_written(written)
 
 
-def _write_tables(output: Path, clips: Sequence[Motion]) -> list[Path]:
+def _write_tables(output: Path, clips: Sequence[Motion]) -> tuple[list[dict[str, Any]], list[Path]]:
     """Writes events as CSV, and what a state machine has to know of the clips as JSON."""
     lines = ["clip,event,seconds,frame"]
     entries: list[dict[str, Any]] = []
@@ -129,4 +151,4 @@ def _write_tables(output: Path, clips: Sequence[Motion]) -> list[Path]:
     for path, text in ((table, json.dumps(content, indent=1)), (events, "\n".join(lines))):
         with atomic_file(path) as temporary:
             temporary.write_text(text + "\n", encoding="utf-8")
-    return [table, events]
+    return entries, [table, events]
