@@ -244,3 +244,8 @@ def test_hands_below_the_floor_are_lifted_onto_it(motion: Motion, rig: Rig) -> N
     for side in ("left", "right"):
         assert point_of(low, f"{side}_fingertips")[:, 1].max() < -0.05
         assert point_of(lifted, f"{side}_fingertips")[:, 1].min() > -0.01
+    sunk = SourceCharacter.of(replace(motion, joints=motion.joints - np.float32([0, 2, 0])))
+    flat = place_hands(low, sunk)  # hands of a motion on all fours are bent at the wrist
+    for side in ("left", "right"):
+        assert np.allclose(low.position(f"{side}_wrist"), flat.position(f"{side}_wrist"))
+        assert point_of(flat, f"{side}_fingertips")[:, 1].min() > -0.01

@@ -14,12 +14,18 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import unit
+from latentmotion.cleanup.contacts import ramp
 from latentmotion.cleanup.leg_ik import reach
 from latentmotion.cleanup.pipeline import CleanUpWarning
 from latentmotion.cleanup.smoothing import spread, upper_envelope
 from latentmotion.kinematics.bone_names import BEYOND_WRIST, SIDES
 from latentmotion.kinematics.humanoid import fingers_below
-from latentmotion.kinematics.rotations import matrix_between
+from latentmotion.kinematics.rotations import (
+    matrix_between,
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    slerp,
+)
 from latentmotion.representation.canonical import turn
 from latentmotion.retarget.rig import Rig, RigPose, SourceCharacter
 
@@ -27,6 +33,9 @@ Points = Float[np.ndarray, "frames 3"]
 
 _BLEND = 0.5
 """Seconds in which a hand leaves its own way for a goal and returns to it."""
+
+_THICK = 0.1
+"""Height of the fingertips of a hand that lies on the floor, as a share of its length."""
 
 _STRETCH = 0.999
 """Share of its full length to which an arm is stretched at most."""
@@ -58,7 +67,36 @@ def place_hands(
             need = np.maximum(0, lowest - point_of(pose, tips)[:, 1])
             lift = upper_envelope(need, max(1, round(0.1 * source.fps)))
             pose = _bent(pose, tips, lift[:, None] * np.array([0.0, 1.0, 0.0]))
+        pose = _flat_on_floor(pose, side, source.fps)
     return pose
+
+
+def _flat_on_floor(pose: RigPose, side: str, fps: float) -> RigPose:
+    """Returns the pose with a hand that would enter the floor flat on it, bent at the wrist."""
+    body, rest = pose.rig.body, _beyond(pose.rig, side, "fingertips")
+    wrist, length = body.joints[f"{side}_wrist"], float(np.linalg.norm(rest))
+    place, before = pose.joints[:, wrist], pose.world[:, wrist]
+    tip = place + before @ rest
+    need = upper_envelope(np.maximum(0, -tip[:, 1]), max(1, round(0.1 * fps)))
+    if not need.any():
+        return pose
+    # Fingers point ahead of somebody who stands, to the head of somebody on all fours.
+    pelvis = pose.world[:, body.pelvis]
+    ahead = unit((pelvis[..., 2] + pelvis[..., 1]) * (1, 0, 1))
+    level = unit((tip - place) * (1, 0, 1) / length + 0.5 * ahead)
+    slope = np.clip(_THICK - place[:, 1] / length, -0.7, 0.7)[:, None]
+    along = level * np.sqrt(1 - slope**2) + slope * np.array([0.0, 1.0, 0.0])
+    flat = _frame(along) @ np.swapaxes(_frame(unit(rest)), -1, -2)  # palms are down at rest
+    turned = slerp(*map(quaternion_from_matrix, (before, flat)), ramp(need, 0, length / 4))
+    change = matrix_from_quaternion(turned) @ np.swapaxes(before, -1, -2)
+    below = [joint for joint in {wrist, *pose.rotations} if wrist in body.lines[joint]]
+    return pose.moved({joint: change @ pose.world[:, joint] for joint in below})
+
+
+def _frame(along: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """Returns axes along a hand, across it and down from its palm, in the columns."""
+    across = unit(np.cross(along, (0.0, 1.0, 0.0)))
+    return np.stack([along, across, np.cross(along, across)], axis=-1)
 
 
 def _at_goal(pose: RigPose, goal: Mapping[str, Any], fps: float) -> RigPose:
