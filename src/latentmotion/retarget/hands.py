@@ -87,7 +87,9 @@ def _flat_on_floor(pose: RigPose, side: str, fps: float) -> RigPose:
     slope = np.clip(_THICK - place[:, 1] / length, -0.7, 0.7)[:, None]
     along = level * np.sqrt(1 - slope**2) + slope * np.array([0.0, 1.0, 0.0])
     flat = _frame(along) @ np.swapaxes(_frame(unit(rest)), -1, -2)  # palms are down at rest
-    turned = slerp(*map(quaternion_from_matrix, (before, flat)), ramp(need, 0, length / 4))
+    turned = slerp(
+        quaternion_from_matrix(before), quaternion_from_matrix(flat), ramp(need, 0, length / 4)
+    )
     change = matrix_from_quaternion(turned) @ np.swapaxes(before, -1, -2)
     below = [joint for joint in {wrist, *pose.rotations} if wrist in body.lines[joint]]
     return pose.moved({joint: change @ pose.world[:, joint] for joint in below})
