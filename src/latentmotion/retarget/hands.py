@@ -31,14 +31,14 @@ from latentmotion.retarget.rig import Rig, RigPose, SourceCharacter
 
 Points = Float[np.ndarray, "frames 3"]
 
+# Seconds in which a hand leaves its own way for a goal and returns to it.
 _BLEND = 0.5
-"""Seconds in which a hand leaves its own way for a goal and returns to it."""
 
+# Height of the fingertips of a hand that lies on the floor, as a share of its length.
 _THICK = 0.1
-"""Height of the fingertips of a hand that lies on the floor, as a share of its length."""
 
+# Share of its full length to which an arm is stretched at most.
 _STRETCH = 0.999
-"""Share of its full length to which an arm is stretched at most."""
 
 
 def place_hands(
@@ -174,8 +174,8 @@ def _beyond(rig: Rig, side: str, part: str) -> Float[np.ndarray, " 3"]:
     return rest[finger[0] if part == "hand" else tip] - wrist
 
 
+# Meters of the legs of a body whose hands are as long as `BEYOND_WRIST` says.
 _USUAL_LEG = 0.82
-"""Meters of the legs of a body whose hands are as long as `BEYOND_WRIST` says."""
 
 
 def _source_point(source: SourceCharacter, name: str) -> Points:
