@@ -22,8 +22,8 @@ from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.cleanup.floor import align_floor
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import keep_knee_direction
+from latentmotion.cleanup.pipeline import clean_batch
 from latentmotion.cleanup.smoothing import smooth
-from latentmotion.motion import cleaned
 
 PROMPTS = ("a person walks forward", "a person kicks with the right foot", "a person jumps")
 CUTOFF = 5.0
@@ -57,13 +57,16 @@ def report(model: str, seconds: float, together: int, turns: int) -> str:
         some = motions[:count]
         network = partial(generate.batch, prompts[:count], seconds)
         contenders[f"steps {count}"] = partial(_steps, some)
-        contenders[f"all {count}"] = whole(partial(cleaned, some))
+        contenders[f"all {count}"] = whole(partial(clean_batch, some))
         contenders[f"network {count}"] = whole(network)
     times = take_turns(contenders, turns)
     rows = []
     for step in times.turns["steps 1"][0].laps:
         rows.append([step, *(figure(times.part(f"steps {n}", step)) for n in (1, together))])
-    for name, key in (("`cleaned`, all of it", "all"), ("the network, text to joints", "network")):
+    for name, key in (
+        ("`clean_batch`, all of it", "all"),
+        ("the network, text to joints", "network"),
+    ):
         rows.append([name, *(figure(times.whole(f"{key} {n}")) for n in (1, together))])
     rows.append(["clean-up : network", *(f"{_ratio(times, n):.2f}" for n in (1, together))])
     return f"{times}\n\n{table(['step', 'one motion, ms', f'{together} together, ms'], rows)}"

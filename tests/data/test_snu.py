@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from latentmotion.data.recording import Dropped, Recording
+from latentmotion.data.sources import LABELS
 from latentmotion.data.sources.evidence import shows
 from latentmotion.data.sources.snu import (
-    ACTIONS,
     Group,
     LabeledSpan,
     find_takes,
@@ -162,7 +162,7 @@ def test_sentences_of_actions() -> None:
     assert sentences_of(["walk", "walk", "run"])[0] == "a person walks, then runs."
     assert sentences_of(["walk", "unheard of"]) == ()
     assert sentences_of([]) == ()
-    assert all(phrase and phrase[-1] != "." for phrase in ACTIONS.values())
+    assert all(phrase and phrase[-1] != "." for phrase in LABELS["snu"]["actions"].values())
 
 
 def test_a_name_is_told_only_of_pieces_that_show_it() -> None:
