@@ -48,8 +48,8 @@ from latentmotion.training.captioning.compose import Composition, compose
 from latentmotion.training.captioning.compose_actions import compose_actions
 from latentmotion.training.captioning.windows import Windows
 
+# Most acts of a part that gets captions beside single actions.
 _FEW_ACTS = 3
-"""Most acts of a part that gets captions beside single actions."""
 
 Shard = Annotated[
     str | None,

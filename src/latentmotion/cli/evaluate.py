@@ -40,14 +40,14 @@ if TYPE_CHECKING:
 
 Joints = Float[np.ndarray, "_ 22 3"]
 
+# Options of sampling by a denoiser.
 _SAMPLING = ("steps", "guidance", "sampler", "text_encoder")
-"""Options of sampling by a denoiser."""
 
+# Options of the metrics alone.
 _METRICS = (
     *("evaluator", "protocol", "replications", "shard", "seed", "multimodality"),
     *("max_frames", "prior", "body", "cost"),
 )
-"""Options of the metrics alone."""
 
 
 @dataclass(frozen=True)

@@ -25,21 +25,21 @@ from latentmotion.viewer import page
 
 _VIDEOS, _PICTURES, _PAGES = (".mp4", ".gif"), (".png",), (".html",)
 
+# Figures of pictures, by name.
 _DRAWN: Mapping[str, Figure] = MappingProxyType({"mannequin": mannequin_of, "stick": sticks_of})
-"""Figures of pictures, by name."""
 
+# Options of some files alone, by their endings.
 _USED_BY = {
     _PICTURES: ("style", "figures"),
     _VIDEOS: ("camera", "output_fps"),
     _VIDEOS + _PICTURES: ("size",),
 }
-"""Options of some files alone, by their endings."""
 
+# Maximum frames per second of a video by default.
 _SMOOTH = {".mp4": 30.0, ".gif": 15.0}
-"""Maximum frames per second of a video by default."""
 
+# Pixels of a GIF's width at most by default, so that pages and README files take it.
 _GIF_WIDTH = 1024
-"""Pixels of a GIF's width at most by default, so that pages and README files take it."""
 
 _INPUT = f"Motion files: {' '.join(formats.READABLE)}. Each motion in them is a take."
 

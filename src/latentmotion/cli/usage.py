@@ -152,11 +152,11 @@ def _explanation(event: Any, command: type) -> str | None:
     return None
 
 
+# Python's messages about numbers, and what was expected.
 _NUMBERS = {
     "invalid literal for int()": "a whole number",
     "could not convert string to float": "a number",
 }
-"""Python's messages about numbers, and what was expected."""
 
 
 def _unknown(word: str, command: type) -> str:

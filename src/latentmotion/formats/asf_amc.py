@@ -26,13 +26,13 @@ from latentmotion.storage.limits import LEAST_FPS, MOST_FPS, MOST_JOINTS, MOST_N
 from latentmotion.storage.reading import blamed_on
 
 _INCH = 0.0254
+# Inverse of inches per unit of length; CMU's files have 0.45.
 _UNITS = 1e-6, 1e6
-"""Inverse of inches per unit of length; CMU's files have 0.45."""
 
 _ROTATIONS = frozenset({"RX", "RY", "RZ"})
 _TRANSLATIONS = frozenset({"TX", "TY", "TZ"})
+# Number of a line, from 1, and its words.
 _Line = tuple[int, list[str]]
-"""Number of a line, from 1, and its words."""
 
 
 @dataclass

@@ -29,8 +29,8 @@ from latentmotion.storage.limits import MOST_FRAMES
 
 _AHEAD, _UP = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
 
+# Rates that keys can have been sampled at; others are those of keys set by hand.
 _LEAST_FPS, _MOST_FPS = 8.0, 1000.0
-"""Rates that keys can have been sampled at; others are those of keys set by hand."""
 
 
 @dataclass(frozen=True, eq=False)

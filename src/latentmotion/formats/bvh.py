@@ -211,8 +211,8 @@ OURS = BvhLayout()
 """The layout of the files that we write."""
 
 
+# Meters up to which a joint counts as staying at its offset.
 _SAME = 1e-7
-"""Meters up to which a joint counts as staying at its offset."""
 
 _FRAMES = re.compile(r"\s*frames\s*:?\s*(\d{1,12})\s*", re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*frame\s*time\s*:?\s*(\S+)\s*", re.IGNORECASE)

@@ -58,13 +58,13 @@ class Engine:
     """Whether bones lie along their own x, as LAFAN1's do."""
 
 
+# Names of Unity's humanoid and of Godot's `SkeletonProfileHumanoid`.
 _HUMANOID = (
     "Root",
     "Hips Spine Chest UpperChest Neck Head",
     "@UpperLeg @LowerLeg @Foot @Toes @Shoulder @UpperArm @LowerArm @Hand",
     ("Left", "Right"),
 )
-"""Names of Unity's humanoid and of Godot's `SkeletonProfileHumanoid`."""
 
 
 def _engine(root: str, middle: str, side: str, marks: tuple[str, str], prefix: str = "") -> Engine:
@@ -77,8 +77,8 @@ def _engine(root: str, middle: str, side: str, marks: tuple[str, str], prefix: s
     return Engine(root, {joint: prefix + bone for joint, bone in names.items()}, 30.0)
 
 
+# Standard deviation, seconds, of the Gaussian that takes the sway of steps out of root motion.
 _SWAY = 0.25
-"""Standard deviation, seconds, of the Gaussian that takes the sway of steps out of root motion."""
 
 _LAFAN_SIDE = (
     *("UpLeg Hips hip", "Leg UpLeg knee", "Foot Leg ankle", "Toe Foot foot"),

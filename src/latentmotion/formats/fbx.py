@@ -31,10 +31,11 @@ _SCRIPT = Path(__file__).with_name("blender_fbx.py")
 _DONE = "latentmotion: converted"
 _MOST_SECONDS = 600
 
+# Meters by which bones miss the next joint. Blender's importers of FBX connect bones that meet, by
+# 0.1 mm or less, and connected bones keep one length in all takes, whatever the file says.
 _MISS = 3e-4
-"""Meters by which bones miss the next joint. Blender's importers of FBX connect bones that meet, by
-0.1 mm or less, and connected bones keep one length in all takes, whatever the file says."""
 
+# Usual paths of Blender's program, by system; of several versions the last is taken.
 _PLACES: Mapping[str, tuple[str, ...]] = {
     "win32": (
         r"C:\Program Files\Blender Foundation\Blender *\blender.exe",
@@ -55,7 +56,6 @@ _PLACES: Mapping[str, tuple[str, ...]] = {
         "~/.local/share/Steam/steamapps/common/Blender/blender",
     ),
 }
-"""Usual paths of Blender's program, by system; of several versions the last is taken."""
 
 
 def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:

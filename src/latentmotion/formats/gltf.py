@@ -25,8 +25,8 @@ from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.motion import Motion, animations
 from latentmotion.render.mannequin import ACCENT, GREY, Mannequin
 
+# Meters below which two offsets are the same.
 _SAME = 1e-6
-"""Meters below which two offsets are the same."""
 
 
 def write(path: str | Path, motions: Sequence[Motion], miss: float = 0.0) -> list[Path]:
@@ -183,6 +183,7 @@ def _moves(animation: Animation) -> Bool[np.ndarray, " joints"]:
     return np.ptp(animation.translations, axis=0).max(-1) > _SAME
 
 
+# HumanML3D's joint → VRM's bone.
 _VRM_BONES = {
     **{"pelvis": "hips", "spine1": "spine", "spine2": "chest", "spine3": "upperChest"},
     **{"neck": "neck", "head": "head"},
@@ -196,7 +197,6 @@ _VRM_BONES = {
         )
     },
 }
-"""HumanML3D's joint → VRM's bone."""
 
 
 def write_vrma(path: str | Path, motions: Sequence[Motion]) -> list[Path]:

@@ -37,12 +37,12 @@ _SHAPES: dict[str, tuple[int, ...]] = {
     **{"MAT2": (2, 2), "MAT3": (3, 3), "MAT4": (4, 4)},
 }
 _KINDS = {shape: kind for kind, shape in _SHAPES.items()}
+# Beginnings of extensions that say nothing of bones and animations: they are passed through.
 _EXTENSIONS = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_", "KHR_xmp"),
     *("KHR_mesh_quantization", "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"),
     *("VRM", "VRMC_", "KHR_node_visibility", "MSFT_lod"),
 )
-"""Beginnings of extensions that say nothing of bones and animations: they are passed through."""
 
 _PICTURES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 _DAMAGE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, struct.error)

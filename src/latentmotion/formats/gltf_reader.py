@@ -117,11 +117,11 @@ class _Transform:
         )
 
 
+# Difference of matrices, some 6°, beyond which nodes do not stand as the skin was bound.
 _TURNED = 0.1
-"""Difference of matrices, some 6°, beyond which nodes do not stand as the skin was bound."""
 
+# Determinant of an inverse bind matrix that says nothing.
 _FLAT = 1e-12
-"""Determinant of an inverse bind matrix that says nothing."""
 
 
 class GltfScene:

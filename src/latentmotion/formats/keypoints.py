@@ -51,20 +51,20 @@ ENDINGS = (".npz", ".npy", ".json", ".csv")
 _KEYS = ("points", "confidence", "fps", "names", "size", "focal")
 _AXES = ("x", "y", "z")
 
+# Names of columns that say how surely a keypoint was seen.
 _SCORES = ("confidence", "visibility", "score", "likelihood", "conf", "vis", "v", "c")
-"""Names of columns that say how surely a keypoint was seen."""
 
+# Names of columns of time, and seconds per unit.
 _SECONDS = {
     **dict.fromkeys(("time", "timestamp", "seconds", "time_s", "t"), 1.0),
     **dict.fromkeys(("time_ms", "timestamp_ms", "milliseconds"), 1e-3),
 }
-"""Names of columns of time, and seconds per unit."""
 
+# Names of columns that count frames; spreadsheets' first has none.
 _COUNTERS = ("frame", "frame_number", "frame_id", "frame_index", "index", "")
-"""Names of columns that count frames; spreadsheets' first has none."""
 
+# Ratios of limb lengths to an adult's between which points count as meters.
 _LIMBS = (0.5, 2.0)
-"""Ratios of limb lengths to an adult's between which points count as meters."""
 
 
 @dataclass(frozen=True)
@@ -402,8 +402,8 @@ def _evenly(
     return table[before] * (1 - share) + table[before + 1] * share, whole_rate(1 / step)
 
 
+# Usual steps between frames that a recording may leave out.
 _LONGEST_GAP = 5.0
-"""Usual steps between frames that a recording may leave out."""
 
 
 def _cells(path: Path, line: int, row: Sequence[str], count: int) -> Float[np.ndarray, " count"]:

@@ -17,8 +17,8 @@ from latentmotion.errors import MissingExtraError
 from latentmotion.motion import Motion
 from latentmotion.viewer.page import filled_page, json_in_html, marks_of, payload
 
+# Figures of the picture, and its pixels from left to right.
 _FIGURES, _WIDTH = 6, 640
-"""Figures of the picture, and its pixels from left to right."""
 
 _HTML = """<div data-motion="{name}">{picture}</div>
 <script>

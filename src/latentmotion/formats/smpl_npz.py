@@ -38,8 +38,8 @@ from latentmotion.storage.reading import blamed_on
 
 _RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
 _JOINTS, _SMPLX_JOINTS = len(HUMANML3D), 55
+# From our axes, y up, to AMASS's, z up.
 _Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-"""From our axes, y up, to AMASS's, z up."""
 
 PELVIS, _PELVIS_X = np.array([0, -0.22, 0.03]), np.array([0, -0.35, 0.01])
 """Pelvis in the templates of SMPL and SMPL-H, and in that of SMPL-X, to the centimeter: `trans`

@@ -42,14 +42,14 @@ from latentmotion.storage.reading import blamed_on
 
 _JOINTS = len(HUMANML3D)
 
+# Frames per second that videos usually have, and that GVHMR and TRAM take.
 _FPS = 30.0
-"""Frames per second that videos usually have, and that GVHMR and TRAM take."""
 
+# Share of the longest person's frames below which somebody is left out: glimpses, mistakes.
 _SHORTEST = 0.1
-"""Share of the longest person's frames below which somebody is left out: glimpses, mistakes."""
 
+# TRAM's folder of persons, and its file of the camera beside that.
 _PERSONS, _CAMERA = "hps", "camera.npy"
-"""TRAM's folder of persons, and its file of the camera beside that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +116,11 @@ def _persons(content: Any) -> Iterator[Mapping[str, Any]]:
                 yield from _persons(value)
 
 
+# Keys of which a person has at least one set.
 _PERSON = (
     *({"pose_world"}, {"pred_rotmat"}, {"smpl_poses"}, {"global_orient", "body_pose"}),
     *({"smpl_thetas", "frame_id"}, {"pose", "betas"}, {"poses", "trans"}),
 )
-"""Keys of which a person has at least one set."""
 
 
 def _plain(value: Any) -> Any:

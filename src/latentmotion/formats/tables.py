@@ -33,8 +33,8 @@ from latentmotion.storage.files import atomic_file
 from latentmotion.storage.reading import blamed_on, csv_rows
 
 _TIME = "time"
+# Frames per second of a file with a single row.
 _SINGLE_FPS = 20.0
-"""Frames per second of a file with a single row."""
 
 
 def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:

@@ -33,8 +33,8 @@ from latentmotion.storage.reading import parse_json
 OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
 """Our own skeletons by the names of their joints."""
 
+# Parts of a name before the ending that belong to the ending.
 _LAYOUTS = (".amass", ".smplx", ".smpl", ".contacts")
-"""Parts of a name before the ending that belong to the ending."""
 
 
 def write_bvh_files(path: str | Path, motions: Sequence[Motion]) -> list[Path]:

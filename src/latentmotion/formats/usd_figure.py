@@ -38,8 +38,8 @@ except ImportError as error:
     raise MissingExtraError("USD", "usd-core", "usd") from error
 
 _NOTES = "latentmotion"
+# From axes with z up to ours.
 _Y_FROM_Z = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-"""From axes with z up to ours."""
 
 
 def main() -> None:

@@ -162,8 +162,8 @@ class TargetFigure:
         )
 
 
+# Thigh and shank of the canonical skeleton, meters.
 _OUR_LEG = float(np.linalg.norm(BODY.offsets[[4, 7]], axis=-1).sum())
-"""Thigh and shank of the canonical skeleton, meters."""
 
 
 class LatentMotionBackbone(Backbone):
@@ -318,12 +318,13 @@ class LatentMotionBackbone(Backbone):
         ]
 
 
+# Prompt of a request or a segment that has none.
 _ANYTHING = "a person walks"
-"""Prompt of a request or a segment that has none."""
 
+# Options of a request without any.
 _OPTIONS = schemas.Options.model_validate({})
-"""Options of a request without any."""
 
+# The number of takes, which MMCP has no word for.
 _TAKES = schemas.ModelOption.model_validate(
     {
         "name": "takes",
@@ -335,10 +336,9 @@ _TAKES = schemas.ModelOption.model_validate(
         "maximum": 16,
     }
 )
-"""The number of takes, which MMCP has no word for."""
 
+# Seconds of a motion whose frame is a pose.
 _POSE = (1.0, 1.05)
-"""Seconds of a motion whose frame is a pose."""
 
 
 def _path(constraint: schemas.RootPathConstraint, scale: float, fps: float) -> list[Goal]:

@@ -30,15 +30,15 @@ GREY = (0.57, 0.60, 0.65)
 ACCENT = (0.028, 0.275, 0.337)
 """Linear RGB of its joints, waist and face, where no take has a color of its own."""
 
+# Joints without which a skeleton is drawn as sticks.
 _NEEDED = frozenset({"pelvis", "head"}) | {
     f"{side}_{joint}"
     for side in ("left", "right")
     for joint in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 }
-"""Joints without which a skeleton is drawn as sticks."""
 
+# Edges of a stick's cross-section.
 _SIDES = 10
-"""Edges of a stick's cross-section."""
 
 
 @dataclass(frozen=True, eq=False)

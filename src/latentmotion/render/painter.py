@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from PIL.Image import Image as Picture
 
 
+# Meters of path below which a motion counts as in place.
 _SHORT = 0.8
-"""Meters of path below which a motion counts as in place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,17 +146,17 @@ INK = (58, 64, 76)
 COLORS = ((47, 143, 157), (226, 105, 74), (122, 104, 196), (217, 154, 43))
 """One color for each take, as on the page."""
 
+# Color of what has none of its take.
 _BODY = (196, 201, 210)
-"""Color of what has none of its take."""
 
+# Pixels of faces that are drawn at once: a bound on memory.
 _FRAGMENTS = 1 << 20
-"""Pixels of faces that are drawn at once: a bound on memory."""
 
 _GRID = (205, 211, 220)
 _SHADOW = (176, 183, 196)
 _SHADOW_REDUCTION = 4
+# Direction of the light in the camera's axes: right, up, ahead.
 _SUN = (-0.3, 1.0, -0.35)
-"""Direction of the light in the camera's axes: right, up, ahead."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -399,12 +399,12 @@ def paint_text(
     draw.text(position, text, fill=INK, font=font, anchor=anchor)
 
 
+# Fonts of Linux, macOS and Windows for letters that Pillow's own font lacks, by file.
 _FONTS = (
     *("NotoSans-Regular.ttf", "DejaVuSans.ttf", "NotoSansCJK-Regular.ttc", "wqy-microhei.ttc"),
     *("Arial Unicode.ttf", "PingFang.ttc", "Hiragino Sans GB.ttc", "AppleSDGothicNeo.ttc"),
     *("msyh.ttc", "YuGothM.ttc", "malgun.ttf", "Nirmala.ttf", "arial.ttf"),
 )
-"""Fonts of Linux, macOS and Windows for letters that Pillow's own font lacks, by file."""
 
 
 def font_for(text: str, size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:

@@ -25,8 +25,8 @@ WIDTH = 1280
 WIDTHS = (200, 8000)
 """The narrowest and the widest strip."""
 
+# Heights of a row, of a path and of the line with the caption, in widths.
 _ROW, _PATH, _BAND = 268 / 1280, 560 / 1280, 34 / 1280
-"""Heights of a row, of a path and of the line with the caption, in widths."""
 
 
 def write(

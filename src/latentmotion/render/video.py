@@ -34,17 +34,17 @@ SIZE = 512
 SIZES = (96, 4096)
 """The smallest and the largest height of a video, pixels."""
 
+# Greatest rate of a GIF: programs slow down faster ones.
 _GIF_FPS = 50
-"""Greatest rate of a GIF: programs slow down faster ones."""
 
+# Colors of a GIF.
 _GIF_COLORS = 64
-"""Colors of a GIF."""
 
+# Height of the line with the caption, pixels.
 _CAPTION = 44
-"""Height of the line with the caption, pixels."""
 
+# Standard deviation, seconds, of the Gaussian that smooths the camera's path.
 _FOLLOWING = 0.5
-"""Standard deviation, seconds, of the Gaussian that smooths the camera's path."""
 
 _X264 = {"crf": "18", "preset": "veryfast"}
 

@@ -273,11 +273,11 @@ def asset_files(package: str) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in files}
 
 
+# What headers `LatentMotion-…` say of a motion.
 _HEADERS = ("Model", "License", "Rights", "Seed", "Frames", "Fps")
-"""What headers `LatentMotion-…` say of a motion."""
 
+# Other headers that pages of other sites may read.
 _MORE_HEADERS = ("Content-Disposition", "Retry-After")
-"""Other headers that pages of other sites may read."""
 
 
 def _response(motions: Sequence[Motion], content: bytes, form: str) -> Response:

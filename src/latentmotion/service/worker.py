@@ -43,8 +43,8 @@ LARGEST_FILE = 1 << 30
 Reply = tuple[dict[str, Any], bytes]
 """A task or its answer, and the bytes that belong to it."""
 
+# Formats that store rotations, which inverse kinematics must find first.
 _WITH_ROTATIONS = frozenset({"bvh", "glb", "vrma", "fbx", "usda", "usdc", "usdz"})
-"""Formats that store rotations, which inverse kinematics must find first."""
 
 
 def main() -> None:

@@ -26,8 +26,8 @@ from latentmotion.storage import children
 from latentmotion.storage.configuration import to_json
 
 _TASKS_OF_A_PROCESS = 1000
+# Motions that a process cleans up and writes together at most.
 _TOGETHER = 8
-"""Motions that a process cleans up and writes together at most."""
 
 Answer = tuple[dict[str, Any], bytes]
 
@@ -257,8 +257,8 @@ class FileWorkers:
             process.stdin.close()
 
 
+# Bytes of answers that are read before someone waits for them.
 _BUFFER = 1 << 20
-"""Bytes of answers that are read before someone waits for them."""
 
 
 def written(raw: Sequence[RawMotion], form: str, clean: bool, fps: float | None) -> Answer:

@@ -138,8 +138,8 @@ def sync_names(path: Path) -> None:
         folder = folder.parent
 
 
+# Folders whose own names are on the disk, and their inodes.
 _NAMED: set[tuple[Path, int]] = set()
-"""Folders whose own names are on the disk, and their inodes."""
 
 
 def check_replaceable(path: str | Path, marker: str) -> None:
@@ -261,17 +261,17 @@ def _short(stem: str) -> str:
     return stem if len(name) < _LONG else f"{hashlib.sha256(name).hexdigest()}"
 
 
+# Bytes of a name that is shortened.
 _LONG = 128
-"""Bytes of a name that is shortened."""
 
 
+# Name of a temporary file: of what, machine and process that write it, what tells its files apart,
+# ending.
 _TEMPORARY = re.compile(
     r"\.(?P<stem>.*)\.(?P<machine>[0-9a-f]{8})-(?P<process>\d{1,10})-[0-9a-f]{8}"
     r"(?P<suffix>|\.[^.]*)",
     re.DOTALL,
 )
-"""Name of a temporary file: of what, machine and process that write it, what tells its files apart,
-ending."""
 
 
 @cache

@@ -166,12 +166,12 @@ _MOST_AXES = 32
 PYTHON_2 = {"__builtin__": "builtins", "copy_reg": "copyreg"}
 """Names of modules in pickles of Python 2."""
 
+# Functions that NumPy's own pickles call, by their names in all its versions.
 _REBUILDERS = {
     "multiarray._reconstruct": _reconstruct,
     "multiarray.scalar": _scalar,
     "numeric._frombuffer": _from_buffer,
 }
-"""Functions that NumPy's own pickles call, by their names in all its versions."""
 
 ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): StandInArray,

@@ -52,6 +52,7 @@ def _cpu_info(name: str) -> str:
 PIPELINE = "text-to-3d"
 """The hub's task that is nearest to motion from text; it has none of its own."""
 
+# Spellings of licenses, and the hub's identifiers.
 _LICENSES = {
     r"cc[ -]?by[ -]?sa[ -]?([34])\.0": "cc-by-sa-{}.0",
     r"cc[ -]?by[ -]?nc[ -]?([34])\.0": "cc-by-nc-{}.0",
@@ -60,7 +61,6 @@ _LICENSES = {
     r"apache[ -]?(license )?2\.0": "apache-2.0",
     r"mit": "mit",
 }
-"""Spellings of licenses, and the hub's identifiers."""
 
 
 def front_matter(fields: Mapping[str, Any]) -> str:

@@ -18,8 +18,8 @@ from latentmotion.storage import limits
 
 _OUTSIDE_BRACKETS = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"|[^][{}"]+', re.DOTALL)
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+# Characters of a field, from Python's own reader.
 _CELL_LIMIT = 131_072
-"""Characters of a field, from Python's own reader."""
 
 
 @contextmanager

@@ -36,6 +36,7 @@ from latentmotion.storage.pickles import (
 )
 from latentmotion.storage.reading import blamed_on, read_bytes
 
+# Storages of PyTorch and their types in NumPy; the types that NumPy lacks are not read.
 _TYPES = {
     "DoubleStorage": "<f8",
     "FloatStorage": "<f4",
@@ -47,10 +48,9 @@ _TYPES = {
     "ByteStorage": "<u1",
     "BoolStorage": "|b1",
 }
-"""Storages of PyTorch and their types in NumPy; the types that NumPy lacks are not read."""
 
+# Most bytes by which joblib moves the contents of an array to a whole address.
 _BYTES_BEFORE = 16
-"""Most bytes by which joblib moves the contents of an array to a whole address."""
 
 
 def load(path: str | Path) -> Any:
@@ -184,6 +184,7 @@ class _JoblibArray:
         return _array(values, self.shape, self.order == "F")
 
 
+# Names that a file may use, and what it gets for each.
 _NAMES: dict[tuple[str, str], Any] = {
     **ALLOWED,
     **{("torch", name): kind for name, kind in _TYPES.items()},
@@ -196,7 +197,6 @@ _NAMES: dict[tuple[str, str], Any] = {
     ("builtins", "dict"): dict,
     ("builtins", "list"): list,
 }
-"""Names that a file may use, and what it gets for each."""
 
 
 _InPython: Any = pickle._Unpickler  # type: ignore[attr-defined]

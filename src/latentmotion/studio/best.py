@@ -15,8 +15,8 @@ from latentmotion.studio.library import Library
 from latentmotion.studio.models import Models
 from latentmotion.studio.schemas import MOST_TAKES, Id
 
+# Difference of similarity, or meters per second that feet slide, that is worth a word.
 _CLEAR = 0.02
-"""Difference of similarity, or meters per second that feet slide, that is worth a word."""
 
 
 class BestAnswer(BaseModel):

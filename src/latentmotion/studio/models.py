@@ -200,8 +200,8 @@ def _folder(source: str) -> Path:
     return (cards.download(source) if hub else cards.find_model(source)).resolve()
 
 
+# Numbers of steps to offer for models that take any.
 _USUAL_STEPS = (10, 25, 50, 100)
-"""Numbers of steps to offer for models that take any."""
 
 
 def routes(models: Models) -> APIRouter:

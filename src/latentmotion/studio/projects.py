@@ -106,10 +106,10 @@ def write(folder: Path, name: str, project: Mapping[str, Any]) -> None:
         temporary.write_bytes(content)
 
 
+# Names that Windows keeps for devices.
 _RESERVED = frozenset(
     {"CON", "PRN", "AUX", "NUL"} | {f"{port}{n}" for port in ("COM", "LPT") for n in range(10)}
 )
-"""Names that Windows keeps for devices."""
 
 
 def _file(folder: Path, name: str) -> Path:

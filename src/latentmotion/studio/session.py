@@ -27,8 +27,8 @@ COOKIE = "latentmotion-studio"
 COOKIE_SECONDS = 365 * 24 * 3600
 """How long a browser keeps the cookie."""
 
+# Values of Sec-Fetch-Site with which the cookie counts; older browsers send no such header.
 _OWN_PAGES = ("same-origin", "none", None)
-"""Values of Sec-Fetch-Site with which the cookie counts; older browsers send no such header."""
 
 
 def kept_token(folder: Path) -> str:

@@ -204,8 +204,8 @@ def _resource(name: str) -> str:
     return resources.files("latentmotion.viewer").joinpath(name).read_text(encoding="utf-8")
 
 
+# Most marks of one kind that the page draws.
 _MOST_MARKS = 500
-"""Most marks of one kind that the page draws."""
 
 
 def marks_of(motion: Motion) -> dict[str, Any]:

@@ -116,28 +116,28 @@ PYODIDE_VERSION = "314.0.7"
 
 _LOCK_FILE = "pyodide-lock.json"
 _CORE_FILES = ("pyodide.mjs", "pyodide.asm.wasm", "python_stdlib.zip", _LOCK_FILE)
+# Names that versions of Pyodide have for one file.
 _LOADERS = ("pyodide.asm.mjs", "pyodide.asm.js")
-"""Names that versions of Pyodide have for one file."""
 
 _OLDEST_PYTHON = (3, 11)
 
+# Modules that clean up and write motion; `viewer.js` lies beside the site's page.
 _PARTS = (
     *("__init__.py", "arrays.py", "corrections.py", "errors.py", "motion.py", "plugins.py"),
     *("progress.py", "cleanup", "formats", "kinematics", "language", "measure", "render"),
     *("representation", "storage"),
     *("viewer/__init__.py", "viewer/page.py", "viewer/template.html"),
 )
-"""Modules that clean up and write motion; `viewer.js` lies beside the site's page."""
 
+# Files of these parts that are needed.
 _ENDINGS = (".py", ".json", ".toml", ".tsv", ".txt")
-"""Files of these parts that are needed."""
 
+# Distributions that those parts import, besides NumPy, and what of them is needed.
 _LIBRARIES = {
     "array-api-compat": ("__init__.py", "_internal.py", "common", "numpy"),
     "jaxtyping": (".",),
     "wadler-lindig": (".",),
 }
-"""Distributions that those parts import, besides NumPy, and what of them is needed."""
 
 
 def write_python(source: Path, output: Path) -> None:

@@ -10,8 +10,8 @@ from mathutils import Euler, Matrix
 
 from .bones import Keys
 
+# Blender's number for linear interpolation.
 _LINEAR = 1
-"""Blender's number for linear interpolation."""
 
 
 def make_action(

@@ -18,11 +18,11 @@ from mathutils import Vector
 
 from .bvh import BvhTake, write_rest
 
+# Movement up to which a bone counts as still: meters, and entries of a rotation.
 _STILL = 1e-5
-"""Movement up to which a bone counts as still: meters, and entries of a rotation."""
 
+# From the motion's axes (y up) to Blender's (z up).
 _UPRIGHT = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-"""From the motion's axes (y up) to Blender's (z up)."""
 
 
 @dataclass(frozen=True)

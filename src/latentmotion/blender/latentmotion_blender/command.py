@@ -16,8 +16,8 @@ _BINARIES = ("bin", "Scripts")
 _ENVIRONMENTS = (".venv", "venv", "latentmotion/.venv", "latentmotion", ".local")
 _TOOLS = (".local/share/pipx/venvs/latentmotion", ".local/share/uv/tools/latentmotion")
 _CONDAS = ("miniconda3", "anaconda3", "miniforge3", "mambaforge")
+# Variables that Blender sets for its own Python, which would mislead another.
 _BLENDERS_OWN = ("PYTHONHOME", "PYTHONPATH", "LD_LIBRARY_PATH")
-"""Variables that Blender sets for its own Python, which would mislead another."""
 
 
 def find_command(preferred: str = "", project: Path | None = None) -> str | None:

@@ -31,8 +31,8 @@ JOINTS = frozenset(
 )
 """Joints that may have goals."""
 
+# Points of a path between two points of a Bézier curve.
 _BETWEEN = 4
-"""Points of a path between two points of a Bézier curve."""
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,8 @@ from .directing import (
 from .settings import MISSING, command_of
 
 _SECONDS_BETWEEN_LOOKS = 0.1
+# Letters of an error in one line of the panel.
 _LINE = 44
-"""Letters of an error in one line of the panel."""
 
 
 class GenerationTask:
