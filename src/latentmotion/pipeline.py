@@ -566,7 +566,8 @@ class MotionPipeline(PickledByFields):
         for positions, prompt, seed, correction, start in zip(
             joints, prompts, seeds, corrections, starts, strict=True
         ):
-            correction = replace(correction, settles=True)
+            # A clip has its own timing; slowed down where it is calm, it would lack its end.
+            correction = replace(correction, settles=start is None)
             about = {"model": card.name, "seed": seed, **settings, **correction.about()}
             about |= readings[prompt].about() | (start.about() if start else {})
             if prompt in translated:
