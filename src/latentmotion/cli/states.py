@@ -23,6 +23,7 @@ from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT
 from latentmotion.motion import Motion
 from latentmotion.retarget import read_rig, transfer
+from latentmotion.retarget.rig import SourceCharacter
 from latentmotion.storage.files import atomic_file, cache_folder
 
 # Presets that write folders, and the ending of the figure in them.
@@ -79,8 +80,9 @@ class ClipSet:
                 expected = "a file such as hero.glb; a folder is for --preset godot or unity"
                 raise InputError(f"-o {output}: --preset {self.preset} expects {expected}")
             output = output / (output.name + _FOLDERS[self.preset])
-            output.parent.mkdir(parents=True, exist_ok=True)
-        options.check_outputs([output])
+        options.check_outputs(
+            [output if output == self.output else output.parent.with_suffix(output.suffix)]
+        )
         rig = read_rig(self.to) if self.to is not None else None
         if rig is not None:
             transfer.check_output(rig, output)
@@ -92,7 +94,8 @@ class ClipSet:
             self.model, "auto", self.threads, None, computing, cache_folder()
         )
         clips = generate_states(generator, states, self.seed, self.takes)
-        clips = [clip.resampled(self.fps) for clip in clips]
+        clips, scale = [clip.resampled(self.fps) for clip in clips], 1.0
+        output.parent.mkdir(exist_ok=True)
         if rig is None:
             written = formats.save(output, [for_engine(clip, self.preset) for clip in clips])
             bone = ENGINES[self.preset].root
@@ -101,7 +104,8 @@ class ClipSet:
             names = [state.name for state in states]
             written = transfer.write(output, rig, clips, None, names, root)
             bone = rig.skeleton.names[0] if rig.root_motion_bone else ""
-        entries, tables = _write_tables(output, clips)
+            scale = rig.leg / SourceCharacter.of(clips[0]).leg  # it moves at the scale of its legs
+        entries, tables = _write_tables(output, clips, scale)
         written += tables
         if output != self.output:
             if self.preset == "godot":
@@ -114,13 +118,15 @@ class ClipSet:
             steps = sum(event["event"].endswith("down") for event in about["events"])
             print(
                 f"{about['state']}: {(len(clip) - 1) / clip.fps:.2f} s, {kind}, "
-                f"{about['speed']:.2f} m/s, {steps} steps, feet slide "
+                f"{scale * about['speed']:.2f} m/s, {steps} steps, feet slide "
                 f"{1e2 * sliding_in_contact(clip):.1f} cm/s"
             )
         options.print_written(written)
 
 
-def _write_tables(output: Path, clips: Sequence[Motion]) -> tuple[list[dict[str, Any]], list[Path]]:
+def _write_tables(
+    output: Path, clips: Sequence[Motion], scale: float
+) -> tuple[list[dict[str, Any]], list[Path]]:
     """Writes events as CSV, and what a state machine has to know of the clips as JSON."""
     lines = ["clip,event,seconds,frame"]
     entries: list[dict[str, Any]] = []
@@ -129,7 +135,7 @@ def _write_tables(output: Path, clips: Sequence[Motion]) -> tuple[list[dict[str,
         for event in about["events"]:
             frame = round(event["time"] * fps)
             lines.append(f"{about['state']},{event['event']},{event['time']:.4f},{frame}")
-        step = (clip.joints[-1, 0] - clip.joints[0, 0]).tolist()
+        step = (scale * (clip.joints[-1, 0] - clip.joints[0, 0])).tolist()
         entries.append(
             {
                 "state": about["state"],
@@ -137,7 +143,7 @@ def _write_tables(output: Path, clips: Sequence[Motion]) -> tuple[list[dict[str,
                 "loop": about.get("loop", False),
                 "seconds": round((len(clip) - 1) / fps, 4),
                 "fps": fps,
-                "speed": about["speed"],
+                "speed": round(scale * about["speed"], 4),
                 "root_motion": {
                     "x": round(step[0], 4),
                     "z": round(step[2], 4),
