@@ -215,7 +215,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
 
     def candidates(self, folder: Path) -> list[Candidate]:
         """Returns the rows of the report: generated motions, and reconstructions of a VAE."""
-        from latentmotion.evaluation import evaluate, report
+        from latentmotion.evaluation import candidates, report
         from latentmotion.gpu.backend import torch_prior
         from latentmotion.networks.checkpoint import load_stages
 
@@ -223,7 +223,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         card, vae, weights = model.card, model.vae, report.weights_hash(folder)
         kinds = ("mean", "sampled") if self.protocol == "clean" else ("sampled", "mean")
         rebuilt: list[Candidate] = [
-            evaluate.Reconstructed(
+            candidates.Reconstructed(
                 vae, card, kind == "sampled", weights, f"reconstruction ({kind} z)"
             )
             for kind in kinds
@@ -231,7 +231,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         ]
         if self.prior:
             prior = torch_prior(folder, located(self.execution))
-            return [evaluate.Prior(prior, weights), *rebuilt]
+            return [candidates.Prior(prior, weights), *rebuilt]
         if card.denoiser is None and not rebuilt:
             raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
         if card.denoiser is None:
@@ -239,7 +239,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
             return rebuilt
         generator = load_generator(folder, text_encoder=self.text_encoder, execution=self.execution)
         sampling = generator.card.sampling.but(self.steps, self.guidance, self.sampler)
-        return [evaluate.Generated(generator, sampling, weights), *rebuilt]
+        return [candidates.Generated(generator, sampling, weights), *rebuilt]
 
     def measure_instructions(self) -> None:
         """Writes the prompts, or checks the motions of a model or of a folder of joints."""

@@ -42,7 +42,7 @@ class HumanML3DRepresentation(Representation):
     still: float
     """A foot is in contact where its squared step is below this."""
 
-    @cached_property
+    @property
     def blocks(self) -> Mapping[str, slice]:
         """The range of each block of features, by name."""
         joints = len(self.skeleton)
