@@ -89,6 +89,16 @@ def uncounted(sentence: str) -> str:
     return kept.strip() or sentence
 
 
+def of_a_person(sentence: str) -> str:
+    """Returns a sentence about a person: "the man waves" becomes "a person waves"."""
+    for number, token in enumerate(tokens_of(sentence)):
+        if token.text in listed("person"):
+            return f"a person{sentence[token.end :]}"
+        if number or token.text not in listed("determiner"):
+            break
+    return sentence
+
+
 def tokens_of(sentence: str) -> list[Token]:
     """Returns the tokens of a sentence; words that are one number are one token."""
     tokens: list[Token] = []

@@ -17,7 +17,7 @@ from typing import Any
 
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.language.negation import affirmed
-from latentmotion.language.words import ENDINGS, parts_of, with_words, words_of
+from latentmotion.language.words import ENDINGS, of_a_person, parts_of, with_words, words_of
 from latentmotion.retrieval.index import DRAWN, ClipIndex
 from latentmotion.retrieval.wordings import in_words_of_captions
 from latentmotion.text.encoder import pieces
@@ -151,7 +151,7 @@ class Doubts:
         """Returns what the model knows least of a sentence, None if it knows all."""
         outside = _outside(sentence)
         for part in parts_of(sentence):
-            vectors = self.text_encoder([part]).pooled
+            vectors = self.text_encoder([part, of_a_person(part)]).pooled
             (neighbor,) = self.index.nearest(vectors, 1)
             wording = self.index.nearest_by_wording(vectors)
             caption = neighbor.caption.text

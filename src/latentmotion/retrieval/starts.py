@@ -11,7 +11,7 @@ figures in lab/diary/rare_acts.md). Frequent movements start from pure noise, as
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,9 @@ from latentmotion.condition.interface import TextEncoder
 from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
-from latentmotion.language.claims import both_sides
+from latentmotion.language.claims import both_sides, named_side
 from latentmotion.language.reading import asked_exactly
-from latentmotion.language.words import parts_of, uncounted
+from latentmotion.language.words import of_a_person, parts_of, uncounted
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, Reading
@@ -168,8 +168,11 @@ class ClipStarts:
         return parts if rare and all(part.is_near for part in parts) else []
 
     def _choice(self, sentence: str) -> Choice:
-        # Captions with the same count must not be nearer than those of the act.
-        versions = [self._sides(one) for one in dict.fromkeys((sentence, uncounted(sentence)))]
+        # Captions of the same count or of a woman must not be nearer than those of the act: from
+        # "a woman puts on a jacket" to that of a person it is 0.58.
+        counts = (sentence, uncounted(sentence))
+        texts = dict.fromkeys((*counts, *map(of_a_person, counts)))
+        versions = [self._sides(text) for text in texts]
         found = [self.index.nearest(sides, MOST_CHOICES) for sides in versions]
         best = max(range(len(found)), key=lambda n: found[n][0].cosine)
         sides, near = versions[best], found[best]
@@ -177,11 +180,23 @@ class ClipStarts:
         # A clip that was shown or drawn for a sentence takes turns with none that was not.
         given = near[0].caption.support <= SHOWN
         alike = tuple(
-            neighbor
+            self._on_side(neighbor, sentence)
             for neighbor in near
             if neighbor.cosine >= least and (neighbor.caption.support <= SHOWN) == given
         )
         return Choice(alike, self.index.support(sides))
+
+    def _on_side(self, neighbor: Neighbor, sentence: str) -> Neighbor:
+        """Returns a clip that was shown or drawn on the side that a sentence names.
+
+        The nearest caption may name no side; another of the same clip says which one it shows.
+        """
+        side, caption = named_side(sentence), neighbor.caption
+        if side is None or caption.support > SHOWN or named_side(caption.text):
+            return neighbor
+        texts = [other.text for other in self.index.captions if other.clip == caption.clip]
+        shown = {named_side(text) for text in texts} - {None}
+        return replace(neighbor, mirrored=side not in shown) if len(shown) == 1 else neighbor
 
     def starts(
         self,
