@@ -119,10 +119,10 @@ def test_who_goes_down_for_good_neither_squats_nor_bows() -> None:
 
 
 def test_crawling_is_low_and_level() -> None:
-    (crawl,) = acted.scene("crawl").find("crawl")
+    (crawl,) = acted.scene("crawl").all_of("crawl")
     assert crawl.frames == acted.scene("crawl").frames
     for name in ("kneel down", "lie down", "bow", "crouch", "walk"):
-        assert not acted.scene(name).find("crawl")
+        assert not acted.scene(name).all_of("crawl")
 
 
 @pytest.mark.parametrize(
