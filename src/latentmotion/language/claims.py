@@ -8,8 +8,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from latentmotion.language.words import words_of
-
 LEFT, RIGHT, BOTH = "left", "right", "both"
 
 SLIGHT = 25.0
@@ -71,9 +69,3 @@ def both_sides(sentence: str) -> list[str]:
     """Returns a sentence, and its mirror image if it names a side."""
     mirrored = mirror_words(sentence)
     return [sentence] if mirrored == sentence else [sentence, mirrored]
-
-
-def named_side(sentence: str) -> str | None:
-    """Returns the side that a sentence names, None where it names none or both."""
-    sides = {LEFT, RIGHT} & {*words_of(sentence)}
-    return sides.pop() if len(sides) == 1 else None

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
+from latentmotion.language.claims import LEFT, RIGHT
 from latentmotion.language.inflection import forms
 from latentmotion.language.kinds import data
 
@@ -63,6 +64,12 @@ def plain(sentence: str) -> str:
 def words_of(sentence: str) -> list[str]:
     """Returns the words of a sentence, in small letters, without numbers and marks."""
     return _WORD.findall(sentence.lower())
+
+
+def named_side(sentence: str) -> str | None:
+    """Returns the side that a sentence names, None where it names none or both."""
+    sides = {LEFT, RIGHT} & {*words_of(sentence)}
+    return sides.pop() if len(sides) == 1 else None
 
 
 def with_words(sentence: str, others: Mapping[str, str]) -> str:
