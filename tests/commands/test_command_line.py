@@ -19,7 +19,7 @@ UPDATE = "UPDATE_COMMAND_LINE"
 """Environment variable by which the snapshot is written anew."""
 
 ENTRY = re.compile(r"^│ (?=[^\s─])")
-DEFAULT = re.compile(r"\((default: .*|required|repeatable)\)$")
+DEFAULT = re.compile(r"\((default: .*|required|optional|repeatable)\)$")
 
 
 def helped(verb: str) -> str:
@@ -84,14 +84,14 @@ def options_of(verb: str) -> dict[str, str]:
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_options_of_one_name_look_the_same_in_every_verb(verb: str) -> None:
-    found = options_of(verb)
+    rows = options_of(verb)
     synonyms = {"--out", "--batch"} | ({"--folder"} if verb != "mcp" else set())  # it reads, too
-    assert not synonyms & found.keys()
+    assert not synonyms & rows.keys()
     for name, short in (("--output", "-o"), ("--data", "-d"), ("--evaluator", "-e")):
-        assert name not in found or found[name].startswith(f"{short} ")
-    assert found.get("--device", "(default: auto)").endswith("(default: auto)")
-    seed = "--seed INT  (default: None)" if verb == "generate" else "--seed INT  (default: 0)"
-    assert found.get("--seed", seed) == seed  # a scene has a seed of its own
+        assert name not in rows or rows[name].startswith(f"{short} ")
+    assert rows.get("--device", "(default: auto)").endswith("(default: auto)")
+    seed = "--seed INT  (optional)" if verb == "generate" else "--seed INT  (default: 0)"
+    assert rows.get("--seed", seed) == seed  # a scene has a seed of its own
 
 
 @pytest.mark.parametrize(
