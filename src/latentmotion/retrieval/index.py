@@ -37,6 +37,10 @@ LEAST_COSINE = 0.6
 """Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
 does, below .60 usually not (trial on 16 sentences, lab/diary/rare_acts.md)."""
 
+LEAST_OF_DRAWN = 0.68
+"""Cosine from which a drawn clip may show what a sentence asks for: its sentences are short, and
+share words with others ("ape around" is 0.71 from "sneaks around", but 0.98 from a wording)."""
+
 ABOUT = 0.05
 """How much farther than the nearest a caption may be for its support to count. Along discriminants
 cosines lie farther apart: with 0.03 "walks forward and sits down" was rare, as 23 of 200 known
@@ -102,6 +106,11 @@ class Neighbor:
     """Cosine of their embeddings."""
     mirrored: bool = False
     """Whether the caption is near the sentence with left and right swapped."""
+
+    @property
+    def is_near(self) -> bool:
+        """Whether its clip may show what the sentence asks for."""
+        return self.cosine >= (LEAST_OF_DRAWN if self.caption.support == DRAWN else LEAST_COSINE)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,14 +24,13 @@ from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
 from latentmotion.language.claims import both_sides
 from latentmotion.language.reading import asked_exactly
-from latentmotion.language.words import named_side, of_a_person, parts_of, uncounted
+from latentmotion.language.words import lookups, named_side, parts_of
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, Reading
 from latentmotion.retrieval.index import (
     ALIKE_WORDS,
     DRAWN,
-    LEAST_COSINE,
     SHOWN,
     ClipIndex,
     Neighbor,
@@ -40,10 +39,6 @@ from latentmotion.retrieval.index import (
 RARE = 20
 """Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes
 another one from noise. With 60 frequent movements lost (lab/diary/rare_acts.md)."""
-
-LEAST_OF_DRAWN = 0.68
-"""Cosine from which a drawn clip may show what a sentence asks for: its sentences are short, and
-share words with others ("ape around" is 0.71 from "sneaks around", but 0.98 from a wording)."""
 
 UNRELATED, UNRELATED_OF_DRAWN = 0.55, 0.4
 """Cosine up to which a caption says nothing of what a sentence asks for; the short sentences of
@@ -89,8 +84,7 @@ class Choice:
     @property
     def is_near(self) -> bool:
         """Whether the nearest may show the movement."""
-        drawn = self.neighbors[0].caption.support == DRAWN
-        return self.cosine >= (LEAST_OF_DRAWN if drawn else LEAST_COSINE)
+        return self.neighbors[0].is_near
 
 
 @dataclass(frozen=True)
@@ -168,11 +162,7 @@ class ClipStarts:
         return parts if rare and all(part.is_near for part in parts) else []
 
     def _choice(self, sentence: str) -> Choice:
-        # Captions of the same count or of a woman must not be nearer than those of the act: from
-        # "a woman puts on a jacket" to that of a person it is 0.58.
-        counts = (sentence, uncounted(sentence))
-        texts = dict.fromkeys((*counts, *map(of_a_person, counts)))
-        versions = [self._sides(text) for text in texts]
+        versions = [self._sides(text) for text in lookups(sentence)]
         found = [self.index.nearest(sides, MOST_CHOICES) for sides in versions]
         best = max(range(len(found)), key=lambda n: found[n][0].cosine)
         sides, near = versions[best], found[best]

@@ -23,10 +23,11 @@ from latentmotion.errors import FileFormatError, InputError
 from latentmotion.language.claims import LEFT, RIGHT, both_sides, mirror_words
 from latentmotion.language.negation import is_idle
 from latentmotion.language.reading import request_of
-from latentmotion.language.words import tokens_of, words_of
+from latentmotion.language.words import lookups, tokens_of, words_of
 from latentmotion.retrieval.index import (
+    ABOUT,
+    DRAWN,
     EMBEDDING_LEVELS,
-    LEAST_COSINE,
     SHOWN,
     ClipIndex,
     quantized,
@@ -81,13 +82,19 @@ def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str 
     if is_idle(tokens_of(sentence)):
         return None
     sides = text_encoder(both_sides(sentence)).pooled
-    near, (literal,) = index.nearest_by_wording(sides), index.nearest(sides, 1)
+    near = index.nearest_by_wording(sides)
+    literal = max(
+        (index.nearest(text_encoder(both_sides(text)).pooled, 1)[0] for text in lookups(sentence)),
+        key=lambda neighbor: neighbor.cosine,
+    )
     if near is None or near.cosine < NEAR_WORDING or literal.cosine >= NEAR_CAPTION:
         return None
     if near.cosine <= literal.cosine or request_of(sentence).claims:
         return None
-    # A user showed this movement, so it is meant, however well others fit.
-    if literal.caption.support == SHOWN and literal.cosine >= LEAST_COSINE:
+    # A clip was shown for this movement, so it is meant, however well others fit; one that was
+    # drawn has short sentences, which are less near than wordings.
+    farther = {SHOWN: 1.0, DRAWN: ABOUT}.get(literal.caption.support, 0.0)
+    if literal.is_near and near.cosine <= literal.cosine + farther:
         return None
     caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
     named, captioned = ({LEFT, RIGHT} & {*words_of(text)} for text in (sentence, caption))
