@@ -14,9 +14,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from latentmotion.language.inflection import forms
+from latentmotion.language.inflection import forms, third_person
 from latentmotion.language.kinds import data, kinds
-from latentmotion.language.words import STOPS, Token, beginnings, is_plural, listed, match
+from latentmotion.language.words import (
+    STOPS,
+    Token,
+    beginnings,
+    is_plural,
+    listed,
+    match,
+    tokens_of,
+    uncounted,
+)
 
 GAITS = (*kinds("gait"), "move")
 """Kinds of going on foot."""
@@ -274,6 +283,28 @@ def verb_forms() -> dict[str, str]:
     """Returns the forms of verbs that acts are named by, and the name of each."""
     verbs = {verb for act in acts() for verb in act.words} | {"sit", "stand", "go", "get", "do"}
     return {form: name for verb in sorted(verbs) for form, name in forms(verb).items()}
+
+
+def of_a_person(sentence: str) -> str:
+    """Returns a sentence about a person: "the man waves" and "wave" become "a person waves"."""
+    for number, token in enumerate(tokens_of(sentence)):
+        if token.text in listed("person"):
+            return f"a person{sentence[token.end :]}"
+        if not number and verb_forms().get(token.text) == "base":
+            return f"a person {third_person(token.text)}{sentence[token.end :]}"
+        if number or token.text not in listed("determiner"):
+            break
+    return sentence
+
+
+def lookups(sentence: str) -> list[str]:
+    """Returns what a sentence is looked up by among captions: itself, without counts, of a person.
+
+    Captions of the same count or of a woman must not be nearer than those of the act: from "a woman
+    puts on a jacket" to the caption of a person the cosine is 0.58.
+    """
+    counts = (sentence, uncounted(sentence))
+    return [*dict.fromkeys((*counts, *map(of_a_person, counts)))]
 
 
 @cache

@@ -96,26 +96,6 @@ def uncounted(sentence: str) -> str:
     return kept.strip() or sentence
 
 
-def of_a_person(sentence: str) -> str:
-    """Returns a sentence about a person: "the man waves" becomes "a person waves"."""
-    for number, token in enumerate(tokens_of(sentence)):
-        if token.text in listed("person"):
-            return f"a person{sentence[token.end :]}"
-        if number or token.text not in listed("determiner"):
-            break
-    return sentence
-
-
-def lookups(sentence: str) -> list[str]:
-    """Returns what a sentence is looked up by among captions: itself, without counts, of a person.
-
-    Captions of the same count or of a woman must not be nearer than those of the act: from "a woman
-    puts on a jacket" to the caption of a person the cosine is 0.58.
-    """
-    counts = (sentence, uncounted(sentence))
-    return [*dict.fromkeys((*counts, *map(of_a_person, counts)))]
-
-
 def tokens_of(sentence: str) -> list[Token]:
     """Returns the tokens of a sentence; words that are one number are one token."""
     tokens: list[Token] = []

@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from latentmotion.condition.interface import TextEncoder
+from latentmotion.language.acts import of_a_person
 from latentmotion.language.negation import affirmed
-from latentmotion.language.words import ENDINGS, of_a_person, parts_of, with_words, words_of
+from latentmotion.language.words import ENDINGS, parts_of, with_words, words_of
 from latentmotion.retrieval.index import DRAWN, ClipIndex
 from latentmotion.retrieval.wordings import in_words_of_captions
 from latentmotion.text.encoder import pieces

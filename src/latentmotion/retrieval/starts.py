@@ -22,9 +22,10 @@ from latentmotion.condition.interface import TextEncoder
 from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
+from latentmotion.language.acts import lookups
 from latentmotion.language.claims import both_sides
 from latentmotion.language.reading import asked_exactly
-from latentmotion.language.words import lookups, named_side, parts_of
+from latentmotion.language.words import named_side, parts_of
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, Reading

@@ -20,10 +20,11 @@ from jaxtyping import Float
 from latentmotion.arrays import unit
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.errors import FileFormatError, InputError
+from latentmotion.language.acts import lookups
 from latentmotion.language.claims import LEFT, RIGHT, both_sides, mirror_words
 from latentmotion.language.negation import is_idle
 from latentmotion.language.reading import request_of
-from latentmotion.language.words import lookups, tokens_of, words_of
+from latentmotion.language.words import tokens_of, words_of
 from latentmotion.retrieval.index import (
     ABOUT,
     DRAWN,
