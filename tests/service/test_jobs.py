@@ -27,9 +27,12 @@ ASKED = {"prompts": ["a person walks", "a person jumps"], "seconds": 1.0, "clean
 
 
 async def done(client: httpx.AsyncClient, place: str) -> dict[str, Any]:
-    while (state := (await client.get(place)).json())["state"] in ("queued", "running"):
+    while True:
+        answer = await client.get(place)
+        assert answer.status_code == 200, answer.text
+        if answer.json()["state"] not in ("queued", "running"):
+            return answer.json()
         await asyncio.sleep(0.02)
-    return state
 
 
 def test_a_job_is_made_and_deleted(called: Called) -> None:
