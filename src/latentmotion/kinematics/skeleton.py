@@ -174,17 +174,25 @@ def _shipped(
     return Skeleton(skeleton, names, parents, offsets, left, right), directions
 
 
-HUMANML3D, HUMANML3D_DIRECTIONS = _shipped("humanml3d")
-"""The 22 body joints of SMPL as HumanML3D orders them, with its canonical bone lengths; the bone
-directions from which its inverse kinematics measures rotations."""
+_HUMANML3D, _HANDS, _KIT = (
+    _shipped("humanml3d"),
+    _shipped("hands"),
+    _shipped("kit", "heel", (-1, 1, 1)),
+)
 
-HANDS, HANDS_DIRECTIONS = _shipped("hands")
+HUMANML3D = _HUMANML3D[0]
+"""The 22 body joints of SMPL as HumanML3D orders them, with its canonical bone lengths."""
+
+HANDS = _HANDS[0]
 """HumanML3D's body with the 30 finger joints of SMPL-H."""
 
-KIT, KIT_DIRECTIONS = _shipped("kit", "heel", (-1, 1, 1))
+KIT = _KIT[0]
 """The 21 joints of KIT-ML's Master Motor Map."""
 
-BODY, _ = _shipped("body")
+# Directions of bones from which inverse kinematics measures rotations.
+HUMANML3D_DIRECTIONS, HANDS_DIRECTIONS, KIT_DIRECTIONS = _HUMANML3D[1], _HANDS[1], _KIT[1]
+
+BODY = _shipped("body")[0]
 """A body of 1.7 m in a T-pose with the 24 joints that SMPL's poses turn, in their order."""
 
 
