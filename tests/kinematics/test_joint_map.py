@@ -159,7 +159,7 @@ def test_a_map_that_does_not_fit():
 @pytest.mark.parametrize(
     ("content", "line", "message"),
     [
-        ('{"pelvis": "Hips",\n}', 2, "not JSON"),
+        ('{"pelvis": "Hips"\n]', 2, "not JSON"),
         ('["Hips"]', None, "expected an object"),
         ('{"pelvis": 3}', None, "expected an object"),
         ('{"pelvis": {"Hips": 0.5}}', None, "sum to 1"),

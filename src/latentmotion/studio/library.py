@@ -198,7 +198,9 @@ class Library:
         path.touch(mode=0o600)
         if is_durable(path):
             sync_names(path)
-        self._database = sqlite3.connect(path, 10.0, isolation_level=None, check_same_thread=False)
+        self._database = sqlite3.connect(
+            path, timeout=10.0, isolation_level=None, check_same_thread=False
+        )
         self._database.row_factory = sqlite3.Row
         (version,) = self._database.execute("PRAGMA user_version").fetchone()
         if version > VERSION:
