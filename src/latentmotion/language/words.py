@@ -66,10 +66,9 @@ def words_of(sentence: str) -> list[str]:
     return _WORD.findall(sentence.lower())
 
 
-def named_side(sentence: str) -> str | None:
-    """Returns the side that a sentence names, None where it names none or both."""
-    sides = {LEFT, RIGHT} & {*words_of(sentence)}
-    return sides.pop() if len(sides) == 1 else None
+def named_sides(sentence: str) -> set[str]:
+    """Returns the sides that a sentence names: left, right, both or none."""
+    return {LEFT, RIGHT} & {*words_of(sentence)}
 
 
 def with_words(sentence: str, others: Mapping[str, str]) -> str:

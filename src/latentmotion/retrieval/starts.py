@@ -25,7 +25,7 @@ from latentmotion.engine.request import GenerationRequest, Start
 from latentmotion.language.acts import lookups
 from latentmotion.language.claims import both_sides
 from latentmotion.language.reading import asked_exactly
-from latentmotion.language.words import named_side, parts_of
+from latentmotion.language.words import named_sides, parts_of
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, Reading
@@ -163,10 +163,9 @@ class ClipStarts:
         return parts if rare and all(part.is_near for part in parts) else []
 
     def _choice(self, sentence: str) -> Choice:
-        versions = [self._sides(text) for text in lookups(sentence)]
-        found = [self.index.nearest(sides, MOST_CHOICES) for sides in versions]
-        best = max(range(len(found)), key=lambda n: found[n][0].cosine)
-        sides, near = versions[best], found[best]
+        versions = (self._sides(text) for text in lookups(sentence))
+        nearest = [(sides, self.index.nearest(sides, MOST_CHOICES)) for sides in versions]
+        sides, near = max(nearest, key=lambda version: version[1][0].cosine)
         least = near[0].cosine - ALIKE
         # A clip that was shown or drawn for a sentence takes turns with none that was not.
         given = near[0].caption.support <= SHOWN
@@ -182,12 +181,12 @@ class ClipStarts:
 
         The nearest caption may name no side; another of the same clip says which one it shows.
         """
-        side, caption = named_side(sentence), neighbor.caption
-        if side is None or caption.support > SHOWN or named_side(caption.text):
+        named, caption = named_sides(sentence), neighbor.caption
+        if len(named) != 1 or caption.support > SHOWN or named_sides(caption.text):
             return neighbor
         texts = [other.text for other in self.index.captions if other.clip == caption.clip]
-        shown = {named_side(text) for text in texts} - {None}
-        return replace(neighbor, mirrored=side not in shown) if len(shown) == 1 else neighbor
+        shown = set().union(*(sides for sides in map(named_sides, texts) if len(sides) == 1))
+        return replace(neighbor, mirrored=named != shown) if len(shown) == 1 else neighbor
 
     def starts(
         self,

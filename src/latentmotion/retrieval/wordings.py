@@ -21,10 +21,10 @@ from latentmotion.arrays import unit
 from latentmotion.condition.interface import TextEncoder
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.language.acts import lookups
-from latentmotion.language.claims import LEFT, RIGHT, both_sides, mirror_words
+from latentmotion.language.claims import both_sides, mirror_words
 from latentmotion.language.negation import is_idle
 from latentmotion.language.reading import request_of
-from latentmotion.language.words import tokens_of, words_of
+from latentmotion.language.words import named_sides, tokens_of
 from latentmotion.retrieval.index import (
     ABOUT,
     DRAWN,
@@ -84,13 +84,13 @@ def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str 
         return None
     sides = text_encoder(both_sides(sentence)).pooled
     near = index.nearest_by_wording(sides)
+    if near is None or near.cosine < NEAR_WORDING or request_of(sentence).claims:
+        return None
     literal = max(
         (index.nearest(text_encoder(both_sides(text)).pooled, 1)[0] for text in lookups(sentence)),
         key=lambda neighbor: neighbor.cosine,
     )
-    if near is None or near.cosine < NEAR_WORDING or literal.cosine >= NEAR_CAPTION:
-        return None
-    if near.cosine <= literal.cosine or request_of(sentence).claims:
+    if literal.cosine >= min(NEAR_CAPTION, near.cosine):
         return None
     # A clip was shown for this movement, so it is meant, however well others fit; one that was
     # drawn has short sentences, which are less near than wordings.
@@ -98,8 +98,8 @@ def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str 
     if literal.is_near and near.cosine <= literal.cosine + farther:
         return None
     caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
-    named, captioned = ({LEFT, RIGHT} & {*words_of(text)} for text in (sentence, caption))
-    return None if named and named != captioned else caption
+    named = named_sides(sentence)
+    return None if named and named != named_sides(caption) else caption
 
 
 def with_wordings(
