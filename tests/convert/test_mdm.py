@@ -15,7 +15,7 @@ from latentmotion.condition.task import SentenceCondition
 from latentmotion.convert.checkpoints import convert_checkpoint
 from latentmotion.convert.mld import Origin, Unstated
 from latentmotion.diffusion.schedule import Cosine
-from latentmotion.errors import ModelError
+from latentmotion.errors import InputError, ModelError
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.networks.transformer import sine_rate, sines
 
@@ -125,6 +125,16 @@ def test_without_a_sentence_mdm_sees_zeros(tmp_path: Path) -> None:
     assert isinstance(condition, SentenceCondition)
     assert not condition.null(2).tokens.any() and condition.null(2).mask.all()
     assert condition(["a person walks"]).tokens.all()
+
+
+def test_settings_of_other_code_are_refused(tmp_path: Path) -> None:
+    torch.save(weights("text"), tmp_path / "mdm.pt")
+    torch.save({"vae.final_layer.weight": torch.zeros(2, 2)}, tmp_path / "mld.ckpt")
+    with pytest.raises(InputError, match="leave --predicts"):
+        convert_checkpoint(tmp_path / "mdm.pt", tmp_path / "model", Origin(predicts="sample"))
+    with pytest.raises(InputError, match="leave --diffusion-steps out"):
+        convert_checkpoint(tmp_path / "mld.ckpt", tmp_path / "model", Origin(diffusion_steps=50))
+    assert not (tmp_path / "model").exists()
 
 
 def test_variants_with_a_decoder_are_refused(tmp_path: Path) -> None:

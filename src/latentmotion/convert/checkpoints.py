@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 
 from latentmotion.convert import mdm, mld, reading
-from latentmotion.errors import ModelError
+from latentmotion.errors import InputError, ModelError
 from latentmotion.networks import checkpoint
 
 
@@ -35,6 +35,8 @@ def convert_checkpoint(
             others = {head: heads[head] for head in mdm.OTHERS if heads[head]}
             model = mdm.latent_model(state, path, origin)
         else:
+            if origin.diffusion_steps != mld.Origin().diffusion_steps:
+                raise InputError(f"{path} is not MDM's, so leave --diffusion-steps out")
             parts, others = reading.split_parts(state)
             if not any(parts.values()):
                 prefixes = ", ".join(list(others)[:5]) or "nothing"

@@ -13,10 +13,18 @@ from pathlib import Path
 import torch
 
 from latentmotion.condition.task import TextConditioning, TextTask
-from latentmotion.convert.mld import Origin, Weights, loaded, model_card, shape, transformer
+from latentmotion.convert.mld import (
+    Origin,
+    Unstated,
+    Weights,
+    loaded,
+    model_card,
+    shape,
+    transformer,
+)
 from latentmotion.diffusion.parametrization import Sample
 from latentmotion.diffusion.schedule import Cosine
-from latentmotion.errors import ModelError
+from latentmotion.errors import InputError, ModelError
 from latentmotion.model.config import DenoiserConfig, IdentityVAEConfig, Sampling
 from latentmotion.networks import checkpoint
 from latentmotion.networks.build import build
@@ -48,8 +56,14 @@ def latent_model(weights: Weights, path: Path, origin: Origin) -> checkpoint.Lat
     Raises:
         ModelError: It is a variant with a decoder or a GRU, without a prompt, or a weight is
             missing or of another shape.
-        InputError: The normalizer is missing or does not fit.
+        InputError: The normalizer is missing or does not fit, or a setting is not MDM's.
     """
+    unstated = replace(Unstated(), heads=origin.unstated.heads, dropout=origin.unstated.dropout)
+    if origin.unstated != unstated or origin.predicts != Origin().predicts:
+        raise InputError(
+            f"{path} is MDM's, which predicts the sample by one kind of layers; leave --predicts, "
+            "--activation, --norm and --text-activation out"
+        )
     if not any(name.startswith(_STACK) for name in weights):
         raise ModelError(f"{path}: expected MDM's encoder (trans_enc); other variants are not read")
     config = _config(weights, origin)
@@ -91,7 +105,7 @@ def _config(weights: Weights, origin: Origin) -> DenoiserConfig:
     return DenoiserConfig(
         latent_width=features,
         condition_width=words,
-        transformer=transformer(weights, _STACK, replace(origin.unstated, activation="gelu")),
+        transformer=transformer(weights, _STACK, origin.unstated),
         condition_projection="linear" if "embed_text.weight" in weights else "table",
         words="added_to_time",
         positions="context_first",

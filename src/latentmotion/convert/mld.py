@@ -359,5 +359,5 @@ def _position(weights: Weights, name: str) -> PositionKind:
 def shape(weights: Weights, name: str) -> tuple[int, ...]:
     """Returns the shape of a weight; raises ModelError where it is missing."""
     if name not in weights:
-        raise ModelError(f"the weights {name!r} are missing; is it a checkpoint of MLD?")
+        raise ModelError(f"the weights {name!r} are missing; it is another variant")
     return tuple(weights[name].shape)
