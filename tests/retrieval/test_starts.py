@@ -251,18 +251,37 @@ def test_clips_of_another_model_are_refused(fast, tmp_path):
         fast.with_moves(tmp_path)
 
 
-@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
-def test_a_sentence_near_a_taught_clip_is_read_as_it_stands(fast, tmp_path):
+def taught(fast, sentence):
+    """The pipeline that was shown a clip for a sentence."""
     from latentmotion.data.clip import Caption, Source
     from latentmotion.retrieval.teach import ShownClip, build_index
 
     features = fast.representation.encode(fast(FREQUENT, seconds=3, takes=1).joints)
-    caption = Caption("i ape around", 0, len(features))
-    clip = ShownClip("mine", "me", "mine", features, (caption,))
+    clip = ShownClip("mine", "me", "mine", features, (Caption(sentence, 0, len(features)),))
     encoders = fast.feature_encoder, fast.text_encoder
-    index = build_index([clip], [Source("me", "CC0", "me")], fast.card, *encoders).preferred()
-    taught = fast.with_moves(index)
-    assert fast.read("ape around").caption and taught.read("ape around").caption is None
+    index = build_index([clip], [Source("me", "CC0", "me")], fast.card, *encoders)
+    return fast.with_moves(index.preferred())
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "a person is painting a wall",  # drawn, too
+        "a person raises the right hand, then brings the hands together and takes a bow",
+        "a ballerina is bringing the leg forward then taking a bow",
+    ],
+)
+def test_what_a_user_showed_is_started_from_alone(fast, sentence):
+    pipeline = taught(fast, sentence)
+    prompt = f"she {sentence.split(' ', 2)[2]}"
+    for motion in pipeline.batch([prompt] * 3, seeds=range(3)):
+        assert [clip["source"] for clip in motion.metadata["from_clips"]] == ["me"]
+
+
+@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
+def test_a_sentence_near_a_taught_clip_is_read_as_it_stands(fast):
+    pipeline = taught(fast, "i ape around")
+    assert fast.read("ape around").caption and pipeline.read("ape around").caption is None
 
 
 @pytest.mark.parametrize("idle", ["someone", "person, then walk forward"])

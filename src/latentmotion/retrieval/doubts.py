@@ -19,7 +19,7 @@ from latentmotion.condition.interface import TextEncoder
 from latentmotion.language.acts import of_a_person
 from latentmotion.language.negation import affirmed
 from latentmotion.language.words import ENDINGS, parts_of, with_words, words_of
-from latentmotion.retrieval.index import DRAWN, ClipIndex
+from latentmotion.retrieval.index import DRAWN, SHOWN, ClipIndex
 from latentmotion.retrieval.wordings import in_words_of_captions
 from latentmotion.text.encoder import pieces
 
@@ -119,12 +119,16 @@ class Doubts:
         """Returns a sentence as the model reads it, and what it does not know of it."""
         corrected, corrections = self.corrected(sentence)
         said = affirmed(corrected)
+        (whole,) = self.index.nearest(self.text_encoder([said, of_a_person(said)]).pooled, 1)
+        # A sentence that a clip was shown for is meant as it stands, whatever its parts are.
+        shown = whole.caption.support == SHOWN and whole.cosine >= NEAR_ENOUGH
+        parts = [] if shown else parts_of(said)
         return Reading(
             said,
             said != corrected,
             tuple(corrections.items()),
             self.doubt(said),
-            in_words_of_captions(parts_of(said), self.index, self.text_encoder),
+            in_words_of_captions(parts, self.index, self.text_encoder),
         )
 
     def corrected(self, sentence: str) -> tuple[str, dict[str, str]]:

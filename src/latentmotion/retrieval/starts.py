@@ -149,9 +149,9 @@ class ClipStarts:
         parts = [self._choice(part) for part in parts_of(reading.prompt)]
         whole = self._choice(reading.prompt) if len(parts) > 1 else parts[0]
         # A caption that tells of all movements in a row is nearer than captions of each; one that
-        # is also the nearest to a single movement tells of that alone.
-        texts = {part.neighbors[0].caption.text for part in parts}
-        alone = len(texts) > 1 and whole.neighbors[0].caption.text in texts
+        # is nearer to a single movement tells of that alone.
+        texts = {part.neighbors[0].caption.text: part.cosine for part in parts}
+        alone = len(texts) > 1 and texts.get(whole.neighbors[0].caption.text, 0) >= whole.cosine
         if whole.cosine >= min(part.cosine for part in parts) and not alone:
             parts = [whole]
         support = min(part.support for part in parts)
@@ -166,15 +166,13 @@ class ClipStarts:
         versions = (self._sides(text) for text in lookups(sentence))
         nearest = [(sides, self.index.nearest(sides, MOST_CHOICES)) for sides in versions]
         sides, near = max(nearest, key=lambda version: version[1][0].cosine)
-        least = near[0].cosine - ALIKE
-        # A clip that was shown or drawn for a sentence takes turns with none that was not.
-        given = near[0].caption.support <= SHOWN
-        alike = tuple(
-            self._on_side(neighbor, sentence)
-            for neighbor in near
-            if neighbor.cosine >= least and (neighbor.caption.support <= SHOWN) == given
-        )
-        return Choice(alike, self.index.support(sides))
+        alike = [neighbor for neighbor in near if neighbor.cosine >= near[0].cosine - ALIKE]
+        # A clip that was shown, or else drawn, for a sentence takes turns with none that was not.
+        shown = [neighbor for neighbor in alike if neighbor.caption.support == SHOWN]
+        drawn = near[0].caption.support == DRAWN
+        same = shown or [one for one in alike if (one.caption.support == DRAWN) == drawn]
+        support = SHOWN if shown else self.index.support(sides)
+        return Choice(tuple(self._on_side(neighbor, sentence) for neighbor in same), support)
 
     def _on_side(self, neighbor: Neighbor, sentence: str) -> Neighbor:
         """Returns a clip that was shown or drawn on the side that a sentence names.
