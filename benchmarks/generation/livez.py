@@ -31,7 +31,7 @@ from fastapi import FastAPI, Response
 from benchmarks.generation.service import served
 from benchmarks.harness.contest import figure, table
 from benchmarks.harness.replicas import free_port, wait_until_answered
-from latentmotion.storage.children import limit
+from latentmotion.storage.children import allow_open_files
 
 HALF = b"GET /livez HTTP/1.1\r\nHost: localhost"
 WHOLE = HALF + b"\r\n\r\n"
@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.bare is not None:
         uvicorn.run(bare(), port=options.bare, log_level="warning", access_log=False)
         return
-    limit("NOFILE", 4 * options.idle + 100)
+    allow_open_files(4 * options.idle + 100)
     load = os.getloadavg()[0]
     with served() as (address, _), bare_server() as other:
         ports = [httpx.URL(place).port or 80 for place in (address, other)]
@@ -114,7 +114,7 @@ def beside(function: object, *arguments: object) -> Iterator[object]:
 
 def held(_: object, ports: Sequence[int], count: int) -> None:
     """Keeps sockets open that have sent half a head."""
-    limit("NOFILE", 4 * count + 100)
+    allow_open_files(4 * count + 100)
     waiting = selectors.DefaultSelector()
 
     def opened(port: int) -> None:

@@ -42,3 +42,16 @@ def test_the_lesser_of_the_wanted_and_the_hard_limit_holds(hard: str, expected: 
     words = ["bash", "-c", shell, "bash", sys.executable, "-P", "-c", code]
     done = subprocess.run(words, env=children.environment(), capture_output=True, text=True)
     assert (done.stdout, done.stderr) == (f"{expected}\n", "")
+
+
+@pytest.mark.parametrize("count, expected", [(20, 30), (40, 40), (90, 50)])
+def test_open_files_are_allowed_and_never_fewer_than_before(count: int, expected: int) -> None:
+    code = (
+        "import resource; from latentmotion.storage.children import allow_open_files\n"
+        "resource.setrlimit(resource.RLIMIT_NOFILE, (30, 50))\n"
+        f"allow_open_files({count}); print(*resource.getrlimit(resource.RLIMIT_NOFILE))"
+    )
+    pytest.importorskip("resource")
+    words = [sys.executable, "-P", "-c", code]
+    done = subprocess.run(words, env=children.environment(), capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == (f"{expected} 50\n", "")

@@ -23,7 +23,7 @@ from latentmotion.cleanup.pipeline import CleanUpWarning
 from latentmotion.errors import InputError
 from latentmotion.retrieval.doubts import DoubtWarning
 from latentmotion.service.settings import CONNECTIONS, CONNECTIONS_OF_ADDRESS
-from latentmotion.storage.children import limit
+from latentmotion.storage.children import allow_open_files
 from latentmotion.text.encoder import UnknownWordsWarning
 
 HEAD_SECONDS = 10.0
@@ -215,7 +215,7 @@ def serve(app: FastAPI, listener: socket.socket, notice: float, shutdown: float)
     """
     for category in (UnknownWordsWarning, DoubtWarning, CleanUpWarning):
         warnings.simplefilter("ignore", category)  # of users' prompts, which no log holds
-    limit("NOFILE", 4 * CONNECTIONS)  # a connection is an open file, of which 1,024 are usual
+    allow_open_files(4 * CONNECTIONS)  # a connection is an open file, of which 1,024 are usual
     Server(configuration(app, shutdown), app, notice).run([listener])
 
 

@@ -43,8 +43,7 @@ def limit(what: str, amount: int) -> None:
     """Limits this process, and its children until they choose their own limit.
 
     Args:
-        what: `AS` (bytes of address space), `CPU` (seconds), `FSIZE` (bytes of a file), `NOFILE`
-            (open files), `CORE`.
+        what: `AS` (bytes of address space), `CPU` (seconds), `FSIZE` (bytes of a file), `CORE`.
         amount: The limit; the system's own hard limit holds where it is lower.
     """
     if resource is not None:
@@ -52,3 +51,13 @@ def limit(what: str, amount: int) -> None:
         _, hard = resource.getrlimit(kind)
         least = amount if hard == resource.RLIM_INFINITY else min(amount, hard)
         resource.setrlimit(kind, (least, hard))
+
+
+def allow_open_files(count: int) -> None:
+    """Lets this process open so many files, as far as the hard limit goes; it never lowers."""
+    if resource is not None:
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        unlimited = resource.RLIM_INFINITY
+        if soft != unlimited and soft < count:
+            most = count if hard == unlimited else min(count, hard)
+            resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
