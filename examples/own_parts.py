@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from latentmotion.arrays import array_namespace
-from latentmotion.condition.interface import TextEmbedding
+from latentmotion.condition import TextEmbedding
 
 
 class Letters:

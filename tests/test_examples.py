@@ -19,9 +19,8 @@ from latentmotion.errors import InputError
 from latentmotion.evaluation.candidates import Generated
 from latentmotion.evaluation.evaluate import GROUND_TRUTH, evaluate
 from latentmotion.evaluation.protocol import CLEAN, Repeats
-from latentmotion.gpu.backend import torch_pipeline
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import load_model
+from latentmotion.networks.backend import torch_pipeline
+from latentmotion.networks.checkpoint import build, load_model
 from tests.support.mocap_folders import write_own
 from tests.support.small_training import CHANGES
 from tests.test_plugins import install

@@ -20,7 +20,7 @@ from latentmotion.kinematics.bone_names import find_joint_map, joint_maps, weigh
 from latentmotion.kinematics.humanoid import find_humanoid
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.training.journal import Journal
+from latentmotion.training.run_folder import Journal
 from tests.support.walker import walker
 
 PAGE = (Path(__file__).parents[1] / "docs" / "guide" / "plugins.md").read_text(encoding="utf-8")

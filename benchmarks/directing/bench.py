@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from latentmotion.control.direct import sliding_in_contact
 from latentmotion.data.dataset import Dataset, items_of
 from latentmotion.errors import DataError
-from latentmotion.evaluation.metrics.embeddings import fid
+from latentmotion.evaluation.metrics import fid
 from latentmotion.evaluation.report import table_line
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline

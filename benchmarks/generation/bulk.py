@@ -21,7 +21,7 @@ from pathlib import Path
 from benchmarks.generation.ours import sentences
 from benchmarks.harness.contest import table
 from benchmarks.harness.process import cost
-from latentmotion.gpu.device import describe_machine
+from latentmotion.networks.device import describe_machine
 from latentmotion.storage.address import folder_at
 from latentmotion.storage.shards import check
 

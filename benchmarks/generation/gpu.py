@@ -27,11 +27,11 @@ import torch
 from benchmarks.generation.roofline import ordered, report
 from benchmarks.harness.contest import figure, table
 from benchmarks.training.device import training_rows
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.engine.request import GenerationRequest
-from latentmotion.gpu.backend import torch_pipeline
-from latentmotion.gpu.device import describe_machine
+from latentmotion.networks.backend import torch_pipeline
+from latentmotion.networks.device import describe_machine
 from latentmotion.pipeline import MotionPipeline
 
 STEPS = 50, 10, 4, 2, 1

@@ -27,16 +27,16 @@ from torch import Tensor, nn
 
 from benchmarks.harness.ceilings import Ceilings
 from benchmarks.harness.contest import figure, table
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.backend import ON_CPU, ExecutionOptions
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import Session
 from latentmotion.evaluation.cost import Traffic, flops, traffic
-from latentmotion.gpu.backend import torch_pipeline
-from latentmotion.gpu.device import describe_machine
 from latentmotion.model.card import TEXT_GRAPH_FILE, ModelCard, find_model, text_encoder_folder
+from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import load_model
+from latentmotion.networks.device import describe_machine
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import MotionPipeline
 

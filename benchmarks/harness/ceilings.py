@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from latentmotion.engine.backend import ExecutionOptions
-from latentmotion.gpu.device import arithmetic
+from latentmotion.networks.device import arithmetic
 
 LARGEST = {"cpu": 2**28, "cuda": 2**31}
 """Bytes of a buffer that fits no cache."""

@@ -16,7 +16,7 @@ from math import inf, isnan, nan
 from statistics import median
 
 from benchmarks.harness.stopwatch import Laps, Stopwatch
-from latentmotion.gpu.device import describe_machine
+from latentmotion.networks.device import describe_machine
 
 Contender = Callable[[], Laps]
 """Does the whole work once and says how long its parts took."""

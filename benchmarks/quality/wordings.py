@@ -30,7 +30,7 @@ from latentmotion.data.clip import Caption
 from latentmotion.errors import InputError
 from latentmotion.evaluation.embedding_scores import reads_text
 from latentmotion.evaluation.evaluators.interface import TextMotionEvaluator, load_evaluator
-from latentmotion.evaluation.metrics.embeddings import ranks
+from latentmotion.evaluation.metrics import ranks
 from latentmotion.ranking.scorer import shipped_scorer
 from latentmotion.storage.reading import read_text
 

@@ -28,10 +28,9 @@ from latentmotion.cli.usage import parsed
 from latentmotion.errors import InputError
 from latentmotion.evaluation.candidates import MAX_BATCH_SIZE, Reconstructed
 from latentmotion.evaluation.cost import parameters
-from latentmotion.evaluation.metrics.joints import mpjpe
+from latentmotion.evaluation.metrics import mpjpe
 from latentmotion.evaluation.report import Figure, table_line
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import load_stages
+from latentmotion.networks.checkpoint import build, load_stages
 from latentmotion.reproduce.markdown import cell, number
 from latentmotion.reproduce.plots import new_figure, save_figure
 from latentmotion.reproduce.table import Row, Table, rows_named
@@ -40,9 +39,8 @@ from latentmotion.storage.configuration import write_json
 from latentmotion.storage.files import atomic_file
 from latentmotion.storage.provenance import command_line, commit
 from latentmotion.training.experiment import Experiment
-from latentmotion.training.journal import read_journal
 from latentmotion.training.loop import Progress, read_progress
-from latentmotion.training.run_folder import MODEL, Run, open_run
+from latentmotion.training.run_folder import MODEL, Run, open_run, read_journal
 from latentmotion.training.stages import train_first_stage
 from latentmotion.training.vae import FeatureCache, VAEStage
 

@@ -12,7 +12,7 @@ import torch
 
 from benchmarks.training.steps import FirstStage, SecondStage, step_of
 from latentmotion.training.distributed import DistributedContext, Ranks
-from latentmotion.training.presets import preset_named
+from latentmotion.training.experiment import preset_named
 
 PRESETS = "mld_humanml3d", "starter"
 STAGES = "first", "second"

@@ -10,8 +10,8 @@ from torch import Tensor, nn
 from benchmarks.training.steps import CONTEXT
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Cropping, Item
-from latentmotion.gpu.backend import find_encoder
 from latentmotion.model.card import ModelCard, find_model
+from latentmotion.networks.backend import find_encoder
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.training.denoiser import LatentCache, Posteriors, keep_crops
 from latentmotion.training.denoiser_loss import step_loss

@@ -24,9 +24,9 @@ from pathlib import Path
 import torch
 
 from latentmotion.cli.main import main as run
-from latentmotion.gpu.device import describe_machine
 from latentmotion.networks.checkpoint import WEIGHTS_FILE
-from latentmotion.training.journal import read_journal
+from latentmotion.networks.device import describe_machine
+from latentmotion.training.run_folder import read_journal
 
 KILL = signal.SIGPROF
 

@@ -22,7 +22,7 @@ from benchmarks.training.distillation import DistillationStage
 from benchmarks.training.steps import FEATURES, FirstStage, SecondStage, step_of
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.training.distillation.data import Distillation
-from latentmotion.training.presets import preset_named
+from latentmotion.training.experiment import preset_named
 
 COLUMNS = (
     *("", "motions a step", "frames", "s a step", "processor, s"),

@@ -12,9 +12,9 @@ from collections.abc import Callable
 import torch
 from torch import Tensor, nn
 
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.diffusion.guidance import drop
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 from latentmotion.networks.vae.interface import vae_losses
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.training.denoiser_loss import denoiser_loss

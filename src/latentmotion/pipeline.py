@@ -25,8 +25,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
-from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
-from latentmotion.condition.task import SentenceCondition
+from latentmotion.condition import Condition, Conditioning, SentenceCondition, TextEncoder
 from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
 from latentmotion.diffusion.parametrization import (

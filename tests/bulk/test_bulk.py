@@ -15,8 +15,7 @@ import pytest
 from safetensors import safe_open
 
 from latentmotion import formats
-from latentmotion.bulk.motions import BulkGeneration, work_of
-from latentmotion.bulk.prompts import PromptRow, read_rows
+from latentmotion.bulk import BulkGeneration, PromptRow, read_rows, work_of
 from latentmotion.cli.main import main
 from latentmotion.errors import FileFormatError, InputError, LatentMotionError
 from latentmotion.pipeline import MotionPipeline
@@ -72,10 +71,10 @@ def test_bytes_do_not_depend_on_the_number_of_processes(
 
 KILLED = """
 import os, signal, sys
-from latentmotion.bulk import motions
+from latentmotion import bulk
 from latentmotion.cli.main import main
 
-make, left = motions.make_shard, [int(sys.argv[1])]
+make, left = bulk.make_shard, [int(sys.argv[1])]
 
 def killed_make(*arguments):
     left[0] -= 1
@@ -83,7 +82,7 @@ def killed_make(*arguments):
         os.kill(os.getpid(), signal.SIGKILL)
     return make(*arguments)
 
-motions.make_shard = killed_make
+bulk.make_shard = killed_make
 main(sys.argv[2:])
 """
 """Generates, but is killed before a shard."""
@@ -299,9 +298,9 @@ if __name__ == "__main__":
 KILLED_ONCE = """
 import os, signal
 from pathlib import Path
-from latentmotion.bulk import motions
+from latentmotion import bulk
 
-make, mark = motions.make_shard, Path(os.environ["MARK"])
+make, mark = bulk.make_shard, Path(os.environ["MARK"])
 
 def killed_make(generation, rows):
     if rows[0].line == 3 and not mark.exists():
@@ -314,8 +313,8 @@ def killed_make(generation, rows):
 def test_dask_workers_may_be_killed(prompts: Path, whole: dict[str, bytes], tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     (tmp_path / "killed_once.py").write_text(KILLED_ONCE)
-    program = "from latentmotion.bulk import motions; import killed_once; "
-    program += "motions.make_shard = killed_once.killed_make\n" + DASK
+    program = "from latentmotion import bulk; import killed_once; "
+    program += "bulk.make_shard = killed_once.killed_make\n" + DASK
     script, folder = tmp_path / "run.py", tmp_path / "out"
     script.write_text(program)
     words = ["bulk", str(prompts), "-o", str(folder), "--rows=2", "--no-clean"]

@@ -18,8 +18,8 @@ from latentmotion.measure.facts import Description
 from latentmotion.measure.scene import describe
 from latentmotion.ranking.agreement import check
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
+from latentmotion.training.captioning.described import Windows, caption_windows, holds
 from latentmotion.training.captioning.sentences import sentences
-from latentmotion.training.captioning.windows import Windows, caption_windows, holds
 from tests.support.simple_motions import FPS, figure, mirrored, raised
 
 

@@ -14,8 +14,8 @@ from latentmotion.language.reading import claims_of
 from latentmotion.measure.facts import Description
 from latentmotion.measure.scene import describe
 from latentmotion.ranking.agreement import check
+from latentmotion.training.captioning.described import holds
 from latentmotion.training.captioning.sentences import sentences
-from latentmotion.training.captioning.windows import holds
 from tests.support.simple_motions import figure, mirrored, raised
 
 MOTIONS = {

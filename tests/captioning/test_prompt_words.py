@@ -10,6 +10,7 @@ import pytest
 from latentmotion.language.inflection import inflect, past_tense
 from latentmotion.language.reading import claims_of
 from latentmotion.measure.facts import SingleAction
+from latentmotion.training.captioning.clauses import VERBS, other_number
 from latentmotion.training.captioning.prompt_patterns import (
     Wording,
     clockwise,
@@ -20,7 +21,6 @@ from latentmotion.training.captioning.prompt_patterns import (
     wording,
 )
 from latentmotion.training.captioning.prompting import contrasted, prompts
-from latentmotion.training.captioning.verbs import VERBS, other_number
 
 
 def action(kind: str, **fields: object) -> SingleAction:

@@ -12,8 +12,13 @@ from latentmotion.measure.facts import Event
 from latentmotion.measure.reported_acts import ReportedAct, acts_of
 from latentmotion.measure.scene import describe
 from latentmotion.ranking.agreement import check
-from latentmotion.training.captioning.phrases import meanwhile, phrases
-from latentmotion.training.captioning.sentences import MOST_ACTS, plain_action, sentences
+from latentmotion.training.captioning.sentences import (
+    MOST_ACTS,
+    meanwhile,
+    phrases,
+    plain_action,
+    sentences,
+)
 from tests.support import acted
 
 

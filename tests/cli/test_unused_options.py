@@ -14,7 +14,7 @@ from tyro.conf import Positional
 from latentmotion.cli import options
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError
-from latentmotion.evaluation.evaluators.action_networks import MotionGRUConfig
+from latentmotion.evaluation.evaluators.action import MotionGRUConfig
 from latentmotion.motion import Motion
 from tests.cli.conftest import Refused
 from tests.support.moving_figures import write_moving_figures

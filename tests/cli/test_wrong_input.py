@@ -11,8 +11,11 @@ import pytest
 import torch
 
 from latentmotion.data.sources.humanact12 import ACTIONS
-from latentmotion.evaluation.evaluators.action import ActionClassifier, save_action_classifier
-from latentmotion.evaluation.evaluators.action_networks import MotionGRUConfig
+from latentmotion.evaluation.evaluators.action import (
+    ActionClassifier,
+    MotionGRUConfig,
+    save_action_classifier,
+)
 from latentmotion.model.card import find_model
 from latentmotion.storage import pickles
 from tests.cli.conftest import Refused

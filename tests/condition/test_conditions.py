@@ -7,12 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from latentmotion.condition.interface import Condition, TextEmbedding, stack
-from latentmotion.condition.task import (
+from latentmotion.condition import (
     ActionCondition,
+    Condition,
     SentenceCondition,
     TextConditioning,
+    TextEmbedding,
     Unconditional,
+    stack,
 )
 from latentmotion.errors import InputError
 

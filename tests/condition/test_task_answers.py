@@ -7,18 +7,21 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from latentmotion.condition.interface import Condition, TextEmbedding, TextEncoder, stack
-from latentmotion.condition.task import (
+from latentmotion.condition import (
     TASKS,
     ActionCondition,
     ActionTask,
+    Condition,
     SentenceCondition,
     Task,
     TextConditioning,
+    TextEmbedding,
+    TextEncoder,
     TextTask,
     TrainingCondition,
     Unconditional,
     UnconditionalTask,
+    stack,
 )
 from latentmotion.errors import InputError
 

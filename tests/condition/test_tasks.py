@@ -12,11 +12,11 @@ import torch
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
-from latentmotion.condition.task import ActionCondition, ActionTask, Unconditional
+from latentmotion.condition import ActionCondition, ActionTask, Unconditional
 from latentmotion.data.store import read_manifest
 from latentmotion.errors import InputError
-from latentmotion.gpu.backend import torch_pipeline
 from latentmotion.model.card import read_card
+from latentmotion.networks.backend import torch_pipeline
 from latentmotion.storage.configuration import write_json
 from latentmotion.training.stages import train_denoiser
 from latentmotion.training.task_conditions import ConditionTable

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.control.goals import Heading, Reach, TargetResidual, targets_of
 from latentmotion.control.reach import (
     CorrectedDenoiser,
@@ -35,7 +35,7 @@ from latentmotion.model.config import (
     MirroredDecoder,
     QuarterRateDecoder,
 )
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 from latentmotion.networks.vae.convolutional import Pullback
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Scale

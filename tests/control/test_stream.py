@@ -25,7 +25,7 @@ from latentmotion.model.config import (
     MirroredDecoder,
     QuarterRateDecoder,
 )
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.representation.interface import Scale
 

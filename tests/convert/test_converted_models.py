@@ -13,9 +13,8 @@ from transformers import PreTrainedTokenizerFast
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
-from latentmotion.condition.task import ActionTask
-from latentmotion.export.text_encoder import export_pretrained
-from latentmotion.gpu.backend import torch_pipeline
+from latentmotion.condition import ActionTask
+from latentmotion.export.package import export_pretrained
 from latentmotion.model.config import (
     DenoiserConfig,
     IdentityVAEConfig,
@@ -23,6 +22,7 @@ from latentmotion.model.config import (
     Sampling,
     TransformerVAEConfig,
 )
+from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import save_model
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
 from latentmotion.text.encoder import load_text_encoder

@@ -10,8 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from latentmotion.condition.interface import Conditioning, TextEmbedding
-from latentmotion.condition.task import SentenceCondition
+from latentmotion.condition import Conditioning, SentenceCondition, TextEmbedding
 from latentmotion.convert.checkpoints import convert_checkpoint
 from latentmotion.convert.mld import Origin, Unstated
 from latentmotion.diffusion.schedule import Cosine

@@ -14,9 +14,9 @@ from latentmotion.data.sources.smpl_hands import hand_poses, joints_with_hands
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import FileFormatError
 from latentmotion.formats.smpl_npz import read_arrays
-from latentmotion.gpu.backend import torch_pipeline
 from latentmotion.kinematics.skeleton import HANDS
 from latentmotion.motion import Motion
+from latentmotion.networks.backend import torch_pipeline
 from latentmotion.representation.humanml3d import HANDS_FEATURES
 from latentmotion.training.stages import train_denoiser
 from tests.support.small_training import CHANGES, CONTEXT, LetterCount, small

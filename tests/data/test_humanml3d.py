@@ -12,7 +12,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.recording import Dropped
 from latentmotion.data.sources.humanml3d import HUMANML3D, official_normalizer, official_recordings
 from latentmotion.errors import DataError
-from latentmotion.evaluation.notes import PUBLISHED, other_size
+from latentmotion.evaluation.evaluate import PUBLISHED, other_size
 from latentmotion.evaluation.protocol import CLEAN, PAPER, Lengths, TestSet
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES, KIT_FEATURES
 from tests.support.mocap_folders import write_official, write_splits, write_texts

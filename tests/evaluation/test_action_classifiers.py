@@ -16,21 +16,19 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import StoredMotion, read_manifest, stored_normalizer, write_dataset
 from latentmotion.errors import DataError, InputError, ModelError
 from latentmotion.evaluation.evaluators.action import (
-    ActionClassifier,
-    Recognizer,
-    drawing_states,
-    recognizer_of,
-    rotations_of,
-    save_action_classifier,
-)
-from latentmotion.evaluation.evaluators.action_networks import (
     SMPL_PARENTS,
+    ActionClassifier,
     GraphNetwork,
     GraphNetworkConfig,
     MotionGRUConfig,
     Nothing,
+    Recognizer,
     TemporalClassifierConfig,
+    drawing_states,
     neighborhoods,
+    recognizer_of,
+    rotations_of,
+    save_action_classifier,
 )
 from latentmotion.evaluation.evaluators.interface import ActionEvaluator, load_evaluator
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES

@@ -11,16 +11,16 @@ import pytest
 import torch
 
 from latentmotion.cli.main import main
-from latentmotion.condition.task import ActionTask
+from latentmotion.condition import ActionTask
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sources.humanact12 import ACTIONS
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.action import (
     ActionClassifier,
+    MotionGRUConfig,
     Recognizer,
     save_action_classifier,
 )
-from latentmotion.evaluation.evaluators.action_networks import MotionGRUConfig
 from latentmotion.evaluation.evaluators.interface import load_evaluator
 from latentmotion.evaluation.position_scores import with_smpl_joints
 from latentmotion.formats import load

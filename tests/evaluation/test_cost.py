@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import nn
 
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.evaluation.cost import (
     Traffic,
     aits,
@@ -18,9 +18,9 @@ from latentmotion.evaluation.cost import (
     thop_macs,
     traffic,
 )
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 from latentmotion.networks.transformer import SelfAttention, encoder_stack
-from latentmotion.training.presets import preset_named
+from latentmotion.training.experiment import preset_named
 
 
 def test_flops_of_a_linear_layer_and_of_attention() -> None:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from latentmotion.condition.task import ActionTask, TextTask, UnconditionalTask
+from latentmotion.condition import ActionTask, TextTask, UnconditionalTask
 from latentmotion.data.clip import Caption, Clip
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError
@@ -26,7 +26,7 @@ from latentmotion.evaluation.embedding_scores import (
     reads_text,
 )
 from latentmotion.evaluation.evaluators.interface import Recognition
-from latentmotion.evaluation.metrics.embeddings import (
+from latentmotion.evaluation.metrics import (
     Gaussian,
     diversity,
     drawn_diversity,

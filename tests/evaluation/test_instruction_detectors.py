@@ -9,9 +9,9 @@ import pytest
 
 from latentmotion.data.instructions import GROUPS, parse
 from latentmotion.errors import InputError
+from latentmotion.evaluation.instructions.benchmark import instructions
 from latentmotion.evaluation.instructions.body import Body, spans, swings
 from latentmotion.evaluation.instructions.detectors import ACTS, CONDITIONS, fulfills
-from latentmotion.evaluation.instructions.prompts import instructions
 from tests.support import acted
 
 MOTIONS = {

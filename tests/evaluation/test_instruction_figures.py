@@ -16,7 +16,9 @@ from latentmotion.evaluation.instructions.benchmark import (
     OVERALL,
     PAGE_FILE,
     REPORT_FILE,
+    VERSION,
     Benchmark,
+    CaptionClaim,
     Outcome,
     Share,
     chance_outcomes,
@@ -28,10 +30,9 @@ from latentmotion.evaluation.instructions.benchmark import (
     table,
     wilson,
     write,
+    write_prompts,
 )
 from latentmotion.evaluation.instructions.body import Body
-from latentmotion.evaluation.instructions.ground_truth import CaptionClaim
-from latentmotion.evaluation.instructions.prompts import VERSION, write_prompts
 from latentmotion.training.checking import meets
 from tests.support import acted
 

@@ -16,7 +16,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.instructions import Instruction, parse
 from latentmotion.data.store import StoredClip, StoredMotion, stored_normalizer, write_dataset
 from latentmotion.errors import DataError, InputError, ModelError
-from latentmotion.evaluation.instructions.ground_truth import claims_of, patterns
+from latentmotion.evaluation.instructions.benchmark import claims_of, patterns
 from latentmotion.evaluation.instructions.motions import (
     GenerationSettings,
     check_axes,

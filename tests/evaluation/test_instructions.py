@@ -16,10 +16,9 @@ from latentmotion.cli.main import main
 from latentmotion.data.clip import Caption
 from latentmotion.data.instructions import GROUPS, instructions, parse, refused_captions
 from latentmotion.errors import DataError, FileFormatError, InputError
+from latentmotion.evaluation.instructions import benchmark as asked
 from latentmotion.evaluation.instructions import detectors
-from latentmotion.evaluation.instructions import prompts as asked
-from latentmotion.evaluation.instructions.benchmark import Share, judge, markdown, wilson
-from latentmotion.evaluation.instructions.ground_truth import patterns
+from latentmotion.evaluation.instructions.benchmark import Share, judge, markdown, patterns, wilson
 from latentmotion.evaluation.instructions.motions import read_joints_folder
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.language.words import plain
@@ -307,7 +306,7 @@ def test_a_model_is_asked_without_pytorch_and_its_card_tells(tmp_path: Path) -> 
     replace(read_card(shipped), figures={"fid": 0.5}).write(model)
     code = (
         "import sys; from latentmotion.cli.main import main;"
-        "from latentmotion.evaluation.instructions import prompts as p;"
+        "from latentmotion.evaluation.instructions import benchmark as p;"
         "few = tuple(o for o in p.instructions() if o.id in ('side-01', 'pace-18', 'pace-19'));"
         "import latentmotion.cli.evaluate as c; c.instructions = lambda: few;"
         f"main(['evaluate', {str(model)!r}, '--takes', '2', '--instructions', '--card',"

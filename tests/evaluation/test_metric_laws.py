@@ -10,27 +10,25 @@ import torch
 from scipy.spatial.distance import cdist
 from scipy.stats import special_ortho_group
 
-from latentmotion.evaluation.metrics import embeddings as diversity_file
-from latentmotion.evaluation.metrics.embeddings import (
+from latentmotion.evaluation import metrics as diversity_file
+from latentmotion.evaluation.metrics import (
     Gaussian,
+    TrainingClips,
+    acceleration_errors,
+    ave,
     distances,
     diversity,
     fid,
     frechet_distance,
+    joint_errors,
     kid,
     mm_dist,
-    r_precision,
-    ranks,
-    shared_pairs_multimodality,
-)
-from latentmotion.evaluation.metrics.joints import (
-    TrainingClips,
-    acceleration_errors,
-    ave,
-    joint_errors,
     mpjpe,
     pa_errors,
     parts_of,
+    r_precision,
+    ranks,
+    shared_pairs_multimodality,
 )
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
 from latentmotion.kinematics.rotations import matrix_from_axis_angle

@@ -7,9 +7,12 @@ import pytest
 from scipy.stats import special_ortho_group
 
 from latentmotion.errors import InputError
-from latentmotion.evaluation.metrics.embeddings import (
+from latentmotion.evaluation.metrics import (
     Gaussian,
+    accl,
     accuracy,
+    ape,
+    ave,
     diversity,
     drawn_diversity,
     drawn_kid,
@@ -19,10 +22,11 @@ from latentmotion.evaluation.metrics.embeddings import (
     label_pairs,
     mm_dist,
     multimodality,
+    pa_mpjpe,
+    parts_of,
     r_precision,
     ranks,
 )
-from latentmotion.evaluation.metrics.joints import accl, ape, ave, pa_mpjpe, parts_of
 from latentmotion.kinematics.skeleton import HUMANML3D
 from tests.support.moving_figures import joints_of
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.evaluation.metrics.joints import TrainingClips, mpjpe
+from latentmotion.evaluation.metrics import TrainingClips, mpjpe
 
 
 def test_mpjpe_of_a_shift_is_seen_only_in_the_world() -> None:

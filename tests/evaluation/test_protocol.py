@@ -11,24 +11,29 @@ from typing import Any
 import numpy as np
 import pytest
 
-from latentmotion.condition.task import ActionTask, UnconditionalTask
+from latentmotion.condition import ActionTask, UnconditionalTask
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import DataError, FileFormatError, InputError, ModelError
 from latentmotion.evaluation.candidates import Generated, Prior, Reconstructed
 from latentmotion.evaluation.embedding_scores import groups
-from latentmotion.evaluation.evaluate import Comparison, build_test_set, compare, evaluate
-from latentmotion.evaluation.evaluators.action import Recognizer
-from latentmotion.evaluation.evaluators.action_networks import MotionGRUConfig
+from latentmotion.evaluation.evaluate import (
+    Comparison,
+    PublishedGroundTruth,
+    build_test_set,
+    compare,
+    departures,
+    evaluate,
+)
+from latentmotion.evaluation.evaluators.action import MotionGRUConfig, Recognizer
 from latentmotion.evaluation.evaluators.interface import Recognition
-from latentmotion.evaluation.notes import PublishedGroundTruth, departures
 from latentmotion.evaluation.protocol import CLEAN, PAPER, Protocol, Repeats
 from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report
-from latentmotion.gpu.backend import torch_prior
 from latentmotion.model.card import ModelCard, find_model, read_card
 from latentmotion.model.config import ConvolutionalVAEConfig, IdentityVAEConfig
-from latentmotion.networks.build import build
+from latentmotion.networks.backend import torch_prior
+from latentmotion.networks.checkpoint import build
 from latentmotion.storage import shards
 from latentmotion.storage.address import folder_at
 from latentmotion.storage.shards import ShardSubset

@@ -23,13 +23,13 @@ from latentmotion.evaluation.cost import (
     longest_of,
     timed_prompts,
 )
-from latentmotion.evaluation.evaluators.interface import evaluator_kind, load_evaluator
-from latentmotion.evaluation.notes import (
+from latentmotion.evaluation.evaluate import (
     PUBLISHED,
     departures,
     notes_of,
     published_ground_truth,
 )
+from latentmotion.evaluation.evaluators.interface import evaluator_kind, load_evaluator
 from latentmotion.evaluation.position_scores import (
     PositionScores,
     body_of,

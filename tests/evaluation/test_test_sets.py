@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from latentmotion.condition.task import ActionTask, TaskName, TextTask, UnconditionalTask
+from latentmotion.condition import ActionTask, TaskName, TextTask, UnconditionalTask
 from latentmotion.data.clip import Caption, Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import CaptionRow, StoredClip

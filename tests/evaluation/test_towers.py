@@ -13,10 +13,10 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import ModelError
 from latentmotion.evaluation.embedding_scores import reads_text
 from latentmotion.evaluation.evaluators.interface import load_evaluator
-from latentmotion.evaluation.evaluators.scorer_export import export_scorer
 from latentmotion.evaluation.evaluators.text_motion import (
     T2MEvaluator,
     TextMotionCard,
+    export_scorer,
     load_text_motion,
     save_text_motion,
 )

@@ -12,7 +12,7 @@ from safetensors.torch import load_file, save_file
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
-from latentmotion.condition.task import TextTask
+from latentmotion.condition import TextTask
 from latentmotion.diffusion.parametrization import Epsilon, Velocity
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
 from latentmotion.errors import ModelError
@@ -26,12 +26,12 @@ from latentmotion.model.config import (
     TransformerConfig,
     TransformerVAEConfig,
 )
-from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import (
     SCALE,
     WEIGHTS_FILE,
     FirstStageModel,
     LatentModel,
+    build,
     load_model,
     save_model,
 )

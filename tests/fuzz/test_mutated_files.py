@@ -32,7 +32,7 @@ from pydantic import ValidationError
 from safetensors.numpy import save_file
 
 from latentmotion import formats
-from latentmotion.bulk.prompts import read_rows
+from latentmotion.bulk import read_rows
 from latentmotion.control.scene import read_scene
 from latentmotion.control.stream import StreamState
 from latentmotion.convert.reading import read_checkpoint

@@ -9,15 +9,20 @@ import numpy as np
 import pytest
 
 from latentmotion import MotionPipeline
-from latentmotion.condition.task import TextTask
+from latentmotion.condition import TextTask
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.session import open_decoder
 from latentmotion.errors import InputError, ModelError
-from latentmotion.gpu.backend import torch_pipeline, torch_prior
 from latentmotion.model.card import find_model, read_card
 from latentmotion.model.config import IdentityVAEConfig
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import FirstStageModel, LatentModel, load_model, save_model
+from latentmotion.networks.backend import torch_pipeline, torch_prior
+from latentmotion.networks.checkpoint import (
+    FirstStageModel,
+    LatentModel,
+    build,
+    load_model,
+    save_model,
+)
 
 PROMPTS, FRAMES, SEEDS = ["a person walks forward", "a person jumps"], [41, 24], [3, 4]
 

@@ -18,10 +18,10 @@ from latentmotion.diffusion.samplers import sample
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.engine.request import GenerationRequest, padded_batch
 from latentmotion.errors import InputError
-from latentmotion.gpu.backend import Buckets, denoiser_session, torch_pipeline
-from latentmotion.gpu.device import FunctionRecorder, on_gpu
 from latentmotion.model.card import find_model, read_card
+from latentmotion.networks.backend import Buckets, denoiser_session, torch_pipeline
 from latentmotion.networks.checkpoint import load_model
+from latentmotion.networks.device import FunctionRecorder, on_gpu
 from latentmotion.pipeline import MotionPipeline, sampler_of
 from tests.support.played_graphs import play_graphs
 
@@ -185,9 +185,9 @@ def test_bfloat16_stays_near_and_answers_in_float32(exact: MotionPipeline) -> No
 def test_a_compiled_chain_makes_the_same_motion() -> None:
     # In a process of its own: shapes are not checked there, and checks cannot be compiled.
     program = """
-from latentmotion.gpu import device
+from latentmotion.networks import device
 from latentmotion.engine.backend import ExecutionOptions
-from latentmotion.gpu.backend import torch_pipeline
+from latentmotion.networks.backend import torch_pipeline
 # The compiler proper takes a minute; this one traces, takes gradients apart and runs the rest.
 device.COMPILER = "aot_eager"
 made = [

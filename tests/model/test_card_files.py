@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from latentmotion.errors import ModelError
+from latentmotion.export.package import readme
 from latentmotion.model.card import (
     CARD_FILE,
     SCHEMA_FILE,
@@ -20,7 +21,6 @@ from latentmotion.model.card import (
     read_card,
     shipped_models,
 )
-from latentmotion.model.readme import readme
 from latentmotion.storage.configuration import from_json, json_schema
 
 SCHEMA = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))

@@ -12,7 +12,7 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from latentmotion.condition.task import TextTask
+from latentmotion.condition import TextTask
 from latentmotion.diffusion.parametrization import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.errors import ModelError
@@ -23,10 +23,10 @@ from latentmotion.model.config import (
     LatentSpace,
     TransformerConfig,
 )
-from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import (
     FirstStageModel,
     LatentModel,
+    build,
     load_model,
     load_stages,
     save_model,

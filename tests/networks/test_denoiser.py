@@ -8,12 +8,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.transformer import Dropout, NumberEmbedding, sinusoid
-from latentmotion.training.presets import preset_named
+from latentmotion.training.experiment import preset_named
 
 SMALL = TransformerConfig(width=32, layers=3, heads=2, hidden=48)
 OURS = DenoiserConfig(latent_width=6, condition_width=10, transformer=SMALL, sine_width=12)

@@ -6,12 +6,12 @@ import pytest
 import torch
 import torch.nn.functional as F
 
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
 from latentmotion.errors import InputError
 from latentmotion.model.config import ConvolutionalVAEConfig
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 from latentmotion.networks.vae.interface import (
     MotionVAE,
     Posterior,

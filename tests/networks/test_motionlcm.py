@@ -12,8 +12,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from latentmotion.condition.interface import Conditioning
-from latentmotion.condition.task import TextTask
+from latentmotion.condition import Conditioning, TextTask
 from latentmotion.convert.checkpoints import convert_checkpoint
 from latentmotion.convert.mld import Origin, Unstated
 from latentmotion.errors import ModelError

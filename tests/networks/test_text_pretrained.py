@@ -12,7 +12,7 @@ from transformers import (
     PreTrainedTokenizerFast,
 )
 
-from latentmotion.condition.interface import TextEmbedding
+from latentmotion.condition import TextEmbedding
 from latentmotion.errors import InputError, ModelError
 from latentmotion.networks.pretrained_text import (
     KINDS,

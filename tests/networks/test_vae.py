@@ -18,7 +18,7 @@ from latentmotion.model.config import (
     TransformerVAEConfig,
     VPoserTConfig,
 )
-from latentmotion.networks.build import build, start_from
+from latentmotion.networks.checkpoint import build, start_from
 from latentmotion.networks.vae.interface import (
     MotionVAE,
     Posterior,
@@ -26,7 +26,7 @@ from latentmotion.networks.vae.interface import (
     decoder_modules,
     fingerprint,
 )
-from latentmotion.training.presets import preset_named
+from latentmotion.training.experiment import preset_named
 
 FEATURES = 19
 SMALL = TransformerConfig(width=32, layers=3, heads=2, hidden=48)

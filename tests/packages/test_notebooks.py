@@ -16,8 +16,8 @@ import pytest
 from huggingface_hub import ModelCard
 
 from latentmotion import Dataset
+from latentmotion.export.package import readme
 from latentmotion.model.card import read_card
-from latentmotion.model.readme import readme
 
 ROOT = Path(__file__).parents[2]
 SENTENCE = "a person waves"

@@ -7,18 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.evaluation.metrics.embeddings import (
+from latentmotion.evaluation.metrics import (
     Gaussian,
+    acceleration_errors,
     distances,
     drawn_diversity,
     fid,
     frechet_distance,
+    joint_errors,
     label_pairs,
+    pa_errors,
     r_precision,
     ranks,
     shared_pairs_multimodality,
 )
-from latentmotion.evaluation.metrics.joints import acceleration_errors, joint_errors, pa_errors
 
 Golden = dict[str, np.ndarray]
 

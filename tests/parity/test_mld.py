@@ -14,14 +14,14 @@ import torch
 from safetensors.torch import load_file
 from torch import Tensor
 
-from latentmotion.condition.interface import Conditioning, TextEmbedding, TextEncoder
+from latentmotion.condition import Conditioning, TextEmbedding, TextEncoder
 from latentmotion.convert.checkpoints import convert_checkpoint
 from latentmotion.convert.mld import Origin, Unstated
 from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.samplers import DDIM, sample
 from latentmotion.errors import InputError
-from latentmotion.gpu.backend import torch_pipeline
 from latentmotion.model.config import IdentityVAEConfig
+from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import (
     FirstStageModel,
     LatentModel,

@@ -15,16 +15,15 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.convert import reading
 from latentmotion.convert.mld import Unstated, load_denoiser, load_vae
 from latentmotion.diffusion.parametrization import Epsilon, Sample
 from latentmotion.networks.vae.interface import vae_losses
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.training.denoiser_loss import DenoiserObjective, denoiser_loss
-from latentmotion.training.experiment import TrainingSettings
+from latentmotion.training.experiment import TrainingSettings, preset_named
 from latentmotion.training.loop import optimize
-from latentmotion.training.presets import preset_named
 from tests.support.golden import formula, golden_input, prefix_mask
 from tests.support.small_training import CONTEXT
 

@@ -26,7 +26,7 @@ from latentmotion.errors import DataError, InputError
 from latentmotion.evaluation.evaluators.interface import Recognition
 from latentmotion.evaluation.protocol import CLEAN, Repeats
 from latentmotion.model.config import TransformerVAEConfig
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 from latentmotion.reproduce.budget import BUDGETS, PAPER, SMALL, Budget, budget_named
 from latentmotion.reproduce.markdown import (
     RowResult,

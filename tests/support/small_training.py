@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.condition.interface import TextEmbedding
+from latentmotion.condition import TextEmbedding
 from latentmotion.model.config import FewStepConfig
 from latentmotion.training import loop
 from latentmotion.training.distillation.data import (
@@ -20,8 +20,7 @@ from latentmotion.training.distillation.data import (
     TrajectoryRegression,
 )
 from latentmotion.training.distributed import DistributedContext, Ranks
-from latentmotion.training.experiment import Experiment, with_changes
-from latentmotion.training.presets import preset_named
+from latentmotion.training.experiment import Experiment, preset_named, with_changes
 
 CONTEXT = DistributedContext(torch.device("cpu"), Ranks())
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.condition.task import ActionTask
+from latentmotion.condition import ActionTask
 from latentmotion.diffusion.parametrization import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.export.package import package_model
@@ -19,8 +19,7 @@ from latentmotion.model.config import (
     Sampling,
     TransformerConfig,
 )
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import LatentModel, save_model
+from latentmotion.networks.checkpoint import LatentModel, build, save_model
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from tests.support.walker import walker
 

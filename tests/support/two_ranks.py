@@ -17,9 +17,8 @@ import torch
 import torch.distributed.fsdp  # seconds, once for all ranks
 import torch.utils.tensorboard  # likewise
 
-from latentmotion.networks.build import build
-from latentmotion.training.distributed import DistributedContext, distributed_context
-from latentmotion.training.sharding import shard
+from latentmotion.networks.checkpoint import build
+from latentmotion.training.distributed import DistributedContext, distributed_context, shard
 from latentmotion.training.stages import train_denoiser, train_vae
 from tests.support.moving_figures import write_moving_figures
 from tests.support.small_training import CHANGES, LetterCount, killed_at, small

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import torch
 
-from latentmotion.condition.task import TextTask
+from latentmotion.condition import TextTask
 from latentmotion.diffusion.parametrization import Epsilon
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.model.card import ModelCard
@@ -18,8 +18,7 @@ from latentmotion.model.config import (
     TransformerConfig,
     VAEConfig,
 )
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import LatentModel
+from latentmotion.networks.checkpoint import LatentModel, build
 
 SMALL = TransformerConfig(width=16, layers=3, heads=2, hidden=24)
 

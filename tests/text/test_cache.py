@@ -12,7 +12,7 @@ import pytest
 from safetensors import SafetensorError
 
 from latentmotion import MotionPipeline
-from latentmotion.condition.interface import TextEmbedding, TextEncoder
+from latentmotion.condition import TextEmbedding, TextEncoder
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.storage.files import cache_folder

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from latentmotion.condition.interface import TextEmbedding, TextEncoder
+from latentmotion.condition import TextEmbedding, TextEncoder
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, find_model
 from latentmotion.text import cache

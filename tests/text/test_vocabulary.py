@@ -12,7 +12,6 @@ import pytest
 
 from latentmotion.errors import DataError
 from latentmotion.text.encoder import split_words
-from latentmotion.training.text_encoder.augmentation import plain_phrases, vary
 from latentmotion.training.text_encoder.data import (
     frequent_words,
     is_held_out,
@@ -22,6 +21,7 @@ from latentmotion.training.text_encoder.data import (
     read_captions,
     restrict,
 )
+from latentmotion.training.text_encoder.stage import plain_phrases, vary
 from tests.support.tiny_text import CAPTIONS, teacher_tokenizer
 
 LINE = "A man kicks.#a/DET man/NOUN kick/VERB#0.0#0.0"

@@ -11,9 +11,9 @@ import pytest
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 from latentmotion.training import vae
-from latentmotion.training.presets import preset_named
+from latentmotion.training.experiment import preset_named
 from latentmotion.training.vae import BatchSampler, FeatureCache, items_by_length
 from tests.support.action_files import write_humanact12
 from tests.support.synthetic_smpl import write_synthetic_smpl

@@ -13,14 +13,12 @@ import torch
 from latentmotion.engine.session import open_session
 from latentmotion.errors import InputError
 from latentmotion.export.onnx import export_decoder
-from latentmotion.gpu.backend import torch_pipeline
 from latentmotion.model.config import Sampling, VPoserTConfig
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import load_model, load_stages
-from latentmotion.networks.vae.baselines import IdentityVAE
-from latentmotion.training.experiment import Experiment, with_changes
+from latentmotion.networks.backend import torch_pipeline
+from latentmotion.networks.checkpoint import build, load_model, load_stages
+from latentmotion.networks.vae.transformer import IdentityVAE
+from latentmotion.training.experiment import Experiment, preset_named, with_changes
 from latentmotion.training.loop import ExponentialMovingAverage
-from latentmotion.training.presets import preset_named
 from latentmotion.training.stages import train_denoiser, train_vae
 from tests.support.small_training import CONTEXT, LetterCount, killed_at
 

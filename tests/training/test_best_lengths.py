@@ -8,11 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from latentmotion.condition.interface import TextEmbedding
+from latentmotion.condition import TextEmbedding
 from latentmotion.text.lengths import LengthModel
 from latentmotion.training.drawn_instructions import drawn_instructions
-from latentmotion.training.length_trials import LengthVerdicts
-from latentmotion.training.lengths import ObedienceRecipe, best_lengths, kept_lengths
+from latentmotion.training.lengths import (
+    LengthVerdicts,
+    ObedienceRecipe,
+    best_lengths,
+    kept_lengths,
+)
 
 RECIPE = ObedienceRecipe(hidden=32, passes=40, dropout=0.1, prompts=200, copies=1)
 

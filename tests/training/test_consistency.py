@@ -10,7 +10,7 @@ from unittest.mock import Mock
 import pytest
 import torch
 
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.data.dataset import Crop
 from latentmotion.diffusion.parametrization import (
     Epsilon,

@@ -17,8 +17,7 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.export.onnx import export_decoder
 from latentmotion.export.package import with_decoder
 from latentmotion.model.config import IdentityVAEConfig, QuarterRateDecoder
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import load_model, save_model
+from latentmotion.networks.checkpoint import build, load_model, save_model
 from latentmotion.training.decoder import (
     DenoisedStage,
     check_data,

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from latentmotion.cli.main import main
-from latentmotion.condition.interface import TextEmbedding
+from latentmotion.condition import TextEmbedding
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError, InputError
@@ -31,7 +31,7 @@ from latentmotion.training.evaluator import (
     train_evaluator,
 )
 from latentmotion.training.experiment import with_changes
-from latentmotion.training.journal import read_journal
+from latentmotion.training.run_folder import read_journal
 from tests.support.evaluator_files import write_glove
 from tests.support.small_training import CONTEXT
 

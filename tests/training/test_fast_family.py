@@ -9,14 +9,12 @@ from latentmotion.cli.main import main
 from latentmotion.diffusion.parametrization import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.model.config import ConvolutionalVAEConfig
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import load_model
+from latentmotion.networks.checkpoint import build, load_model
 from latentmotion.reproduce.budget import PAPER, SMALL
 from latentmotion.reproduce.models import MODELS
 from latentmotion.reproduce.workspace import vae_cost
 from latentmotion.storage.configuration import to_json
-from latentmotion.training.experiment import differing_keys
-from latentmotion.training.presets import preset_named
+from latentmotion.training.experiment import differing_keys, preset_named
 
 STACK = '{"width": 16, "layers": 3, "heads": 2, "hidden": 16}'
 TINY = [

@@ -11,8 +11,7 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from latentmotion.condition.interface import Conditioning, TextEmbedding
-from latentmotion.condition.task import ActionTask
+from latentmotion.condition import ActionTask, Conditioning, TextEmbedding
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Dataset, Item
 from latentmotion.data.instructions import instructions
@@ -28,10 +27,9 @@ from latentmotion.diffusion.schedule import (
     StepCondition,
 )
 from latentmotion.errors import InputError, ModelError
-from latentmotion.gpu.backend import torch_pipeline
 from latentmotion.model.config import DenoiserConfig, FewStepConfig, TransformerConfig
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import FirstStageModel, load_model, save_model
+from latentmotion.networks.backend import torch_pipeline
+from latentmotion.networks.checkpoint import FirstStageModel, build, load_model, save_model
 from latentmotion.training.denoiser_loss import StepBatch, between, step_loss
 from latentmotion.training.distillation.data import TrajectoryRegression, reworded_crops
 from latentmotion.training.distillation.stage import distill, student_of

@@ -15,10 +15,10 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.export import package
 from latentmotion.export.package import WriteTextEncoder
 from latentmotion.formats.bvh import write_bvh
-from latentmotion.gpu.backend import torch_pipeline
 from latentmotion.kinematics.inverse_kinematics import solve
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.card import ModelCard, find_model, read_card
+from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.text.encoder import load_text_encoder
 from latentmotion.training import finetune

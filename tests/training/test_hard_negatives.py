@@ -6,8 +6,13 @@ import pytest
 from latentmotion.data.clip import Caption, Clip
 from latentmotion.data.dataset import Crop, Cropping
 from latentmotion.errors import InputError
-from latentmotion.training.evaluator import _describes, spans_of
-from latentmotion.training.hard_negatives import HardBatchSampler, HardNegatives, alike_groups
+from latentmotion.training.evaluator import (
+    HardBatchSampler,
+    HardNegatives,
+    _describes,
+    alike_groups,
+    spans_of,
+)
 from latentmotion.training.rarity import RarityDraws
 
 

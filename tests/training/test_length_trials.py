@@ -11,9 +11,9 @@ import pytest
 
 from latentmotion.errors import DataError, InputError
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.training import length_trials as lengths
+from latentmotion.training import lengths
 from latentmotion.training.drawn_instructions import drawn_instructions
-from latentmotion.training.length_trials import LengthTrials, judged_lengths
+from latentmotion.training.lengths import LengthTrials, judged_lengths
 
 TRIALS = LengthTrials(prompts=12, takes=4, seed=5)
 

@@ -12,7 +12,7 @@ import pytest
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
-from latentmotion.condition.task import TextConditioning, UnconditionalTask
+from latentmotion.condition import TextConditioning, UnconditionalTask
 from latentmotion.data.lengths import CaptionLengths, read_caption_lengths
 from latentmotion.engine.request import frames_of
 from latentmotion.errors import DataError, InputError, ModelError

@@ -11,7 +11,6 @@ from latentmotion.errors import LatentMotionError, ModelError
 from latentmotion.motion import Motion
 from latentmotion.training.distributed import Ranks, StepRandomness
 from latentmotion.training.experiment import TrainingSettings
-from latentmotion.training.journal import Journal, read_journal, readable_time
 from latentmotion.training.loop import (
     ExponentialMovingAverage,
     Progress,
@@ -19,6 +18,7 @@ from latentmotion.training.loop import (
     read_progress,
     train,
 )
+from latentmotion.training.run_folder import Journal, read_journal, readable_time
 from tests.support.small_training import CONTEXT
 
 SETTINGS = TrainingSettings(

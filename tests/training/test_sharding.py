@@ -13,11 +13,11 @@ from safetensors.numpy import load_file
 from torch import nn
 
 from latentmotion.networks.checkpoint import WEIGHTS_FILE
-from latentmotion.training import sharding
-from latentmotion.training.distributed import DistributedContext, Ranks
+from latentmotion.training import distributed
+from latentmotion.training.distributed import DistributedContext, Ranks, is_sharded
 from latentmotion.training.experiment import TrainingSettings
-from latentmotion.training.journal import read_journal
 from latentmotion.training.loop import NAME
+from latentmotion.training.run_folder import read_journal
 
 TWO = DistributedContext(torch.device("cpu"), Ranks(0, 2))
 
@@ -90,11 +90,11 @@ def test_each_rank_holds_half_of_the_weights(runs: Path) -> None:
 def test_networks_are_sharded_by_size(
     monkeypatch: pytest.MonkeyPatch, parallel: str, memory: float, world: int, expected: bool
 ) -> None:
-    monkeypatch.setattr(sharding, "device_memory", lambda device: memory)
+    monkeypatch.setattr(distributed, "device_memory", lambda device: memory)
     context = DistributedContext(torch.device("cpu"), Ranks(0, world))
     settings = TrainingSettings(parallel=parallel)  # type: ignore[arg-type]
-    assert sharding.is_sharded(nn.Linear(10, 10), settings, context) is expected
+    assert is_sharded(nn.Linear(10, 10), settings, context) is expected
 
 
 def test_processors_share_nothing_of_themselves() -> None:
-    assert not sharding.is_sharded(nn.Linear(10, 10), TrainingSettings(), TWO)
+    assert not is_sharded(nn.Linear(10, 10), TrainingSettings(), TWO)

@@ -15,16 +15,13 @@ import torch
 from latentmotion.cli.main import main
 from latentmotion.data.store import read_manifest
 from latentmotion.errors import InputError, ModelError
-from latentmotion.gpu import device
 from latentmotion.model.card import find_model
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import load_model, load_stages
+from latentmotion.networks import device
+from latentmotion.networks.checkpoint import build, load_model, load_stages
 from latentmotion.storage.configuration import read_json, write_json
 from latentmotion.training.distributed import DistributedContext, Ranks, distributed_context
-from latentmotion.training.experiment import Experiment, with_changes
-from latentmotion.training.journal import Previews, read_journal
-from latentmotion.training.presets import PRESETS, preset_named
-from latentmotion.training.run_folder import Run, read_run
+from latentmotion.training.experiment import PRESETS, Experiment, preset_named, with_changes
+from latentmotion.training.run_folder import Previews, Run, read_journal, read_run
 from latentmotion.training.stages import train_denoiser, train_vae, with_networks_of
 from latentmotion.training.vae import VAEStage
 from tests.support.moving_figures import write_moving_figures

@@ -12,13 +12,13 @@ import pytest
 import torch
 
 from latentmotion.errors import DataError, InputError, ModelError
-from latentmotion.export.text_encoder import load_student
+from latentmotion.export.package import load_student
 from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, pack, teacher_state
 from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning
 from latentmotion.training.distributed import Ranks
 from latentmotion.training.experiment import TrainingSettings
-from latentmotion.training.journal import read_journal
 from latentmotion.training.loop import train
+from latentmotion.training.run_folder import read_journal
 from latentmotion.training.text_encoder.data import (
     GROUP,
     SentenceBatch,

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from latentmotion.bulk.motions import ROWS, BulkGeneration, Format, work_of
+from latentmotion.bulk import ROWS, BulkGeneration, Format, work_of
 from latentmotion.cli import options
 from latentmotion.cli.loading import load_generator
 from latentmotion.errors import InputError

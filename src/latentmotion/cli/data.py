@@ -46,7 +46,7 @@ from latentmotion.storage.files import check_replaceable, sha256
 from latentmotion.training.captioning import described
 from latentmotion.training.captioning.compose import Composition, compose
 from latentmotion.training.captioning.compose_actions import compose_actions
-from latentmotion.training.captioning.windows import Windows
+from latentmotion.training.captioning.described import Windows
 
 # Most acts of a part that gets captions beside single actions.
 _FEW_ACTS = 3

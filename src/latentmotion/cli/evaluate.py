@@ -21,8 +21,8 @@ from latentmotion.data import instructions as held_out
 from latentmotion.data.clip import Split
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
-from latentmotion.evaluation.instructions import benchmark, ground_truth, motions
-from latentmotion.evaluation.instructions.prompts import instructions, write_prompts
+from latentmotion.evaluation.instructions import benchmark, motions
+from latentmotion.evaluation.instructions.benchmark import instructions, write_prompts
 from latentmotion.evaluation.protocol import PROTOCOLS, Protocol
 from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import CARD_FILE, find_model, read_card
@@ -151,7 +151,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         from latentmotion.evaluation import cost, evaluate, position_scores
         from latentmotion.evaluation.evaluators.interface import load_evaluator
         from latentmotion.evaluation.report import REPORT_FILE, card_figures
-        from latentmotion.gpu.backend import text_encoder_named
+        from latentmotion.networks.backend import text_encoder_named
 
         if self.output is not None:
             check_replaceable(self.output, REPORT_FILE)
@@ -216,7 +216,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
     def candidates(self, folder: Path) -> list[Candidate]:
         """Returns the rows of the report: generated motions, and reconstructions of a VAE."""
         from latentmotion.evaluation import candidates, report
-        from latentmotion.gpu.backend import torch_prior
+        from latentmotion.networks.backend import torch_prior
         from latentmotion.networks.checkpoint import load_stages
 
         model = load_stages(folder)
@@ -253,7 +253,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
             check_replaceable(self.output, benchmark.REPORT_FILE)
         if self.card and self.model is None:
             raise InputError("--card is for a model; name one instead of --joints")
-        claims = ground_truth.claims_of(Dataset.load(self.data), self.split) if self.data else []
+        claims = benchmark.claims_of(Dataset.load(self.data), self.split) if self.data else []
         if self.joints and self.model is not None:
             raise InputError(f"give either MODEL ({self.model}) or --joints, not both")
         if self.joints:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.reproduce.table import TABLES, rows_named, table_named
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ class RunExperiment:
         from latentmotion.data.dataset import Dataset
         from latentmotion.evaluation.evaluators.interface import load_evaluator
         from latentmotion.evaluation.protocol import PROTOCOLS
-        from latentmotion.gpu.backend import text_encoder_named
+        from latentmotion.networks.backend import text_encoder_named
         from latentmotion.reproduce import budget, runner, workspace
         from latentmotion.text.cache import CachedTextEncoder
         from latentmotion.training.distributed import distributed_context

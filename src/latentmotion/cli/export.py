@@ -13,16 +13,14 @@ from tyro.conf import Positional, arg
 from latentmotion.cli import options
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
-from latentmotion.evaluation.evaluators.scorer_export import export_scorer
-from latentmotion.evaluation.evaluators.text_motion import load_text_motion
+from latentmotion.evaluation.evaluators.text_motion import export_scorer, load_text_motion
 from latentmotion.export import package
 from latentmotion.export.graph_weights import Weights
-from latentmotion.export.package import with_decoder
-from latentmotion.export.text_encoder import export_pretrained
+from latentmotion.export.package import export_pretrained, with_decoder
 from latentmotion.export.web import export_web
-from latentmotion.gpu.backend import find_encoder, text_encoder_named
 from latentmotion.model import card as cards
 from latentmotion.model.card import GraphPrecision, ModelCard, find_model
+from latentmotion.networks.backend import find_encoder, text_encoder_named
 from latentmotion.networks.checkpoint import load_stages, save_model
 from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder
 from latentmotion.text.lengths import LengthModel

@@ -28,7 +28,7 @@ from latentmotion.storage.files import cache_folder, read_lines
 from latentmotion.storage.reading import read_text
 
 if TYPE_CHECKING:
-    from latentmotion.condition.interface import TextEncoder
+    from latentmotion.condition import TextEncoder
     from latentmotion.control.goals import Goal
     from latentmotion.control.scene import Scene
 

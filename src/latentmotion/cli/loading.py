@@ -22,7 +22,7 @@ def located(execution: ExecutionOptions) -> ExecutionOptions:
     """Returns options with the device `auto` replaced by a GPU, if there is one, or the CPU."""
     if execution.device != options.AUTO:
         return execution
-    default = import_module("latentmotion.gpu.device").default_device()
+    default = import_module("latentmotion.networks.device").default_device()
     return replace(execution, device=default)
 
 
@@ -115,4 +115,4 @@ def _pytorch(folder: Path, runtime: options.Runtime, threads: int | None) -> Mod
     # Imported only here, so that exported models run without PyTorch.
     if threads is not None:
         import_module("torch").set_num_threads(thread_limit(threads))
-    return import_module("latentmotion.gpu.backend")
+    return import_module("latentmotion.networks.backend")

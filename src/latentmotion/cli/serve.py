@@ -196,7 +196,7 @@ class Mcp:
         """
         if not self.folder.is_dir():
             raise InputError(f"there is no folder {self.folder}; make it first")
-        from latentmotion.protocols.mcp import server
+        from latentmotion.service.mcp import server
 
         pipeline = MotionPipeline.from_pretrained(self.model, threads=self.threads)
         ready = server(pipeline, self.folder)
@@ -223,7 +223,7 @@ class Mmcp:
         """Serves until Ctrl+C."""
         import uvicorn
 
-        from latentmotion.protocols.mmcp import application
+        from latentmotion.service.mmcp import application
 
         app = application(MotionPipeline.from_pretrained(self.model, threads=self.threads))
         print(f"http://localhost:{self.port}", flush=True)

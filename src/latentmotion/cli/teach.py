@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from latentmotion import formats
 from latentmotion.cli import options
-from latentmotion.condition.task import SentenceCondition
+from latentmotion.condition import SentenceCondition
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.recording import features_of

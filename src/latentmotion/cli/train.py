@@ -16,8 +16,7 @@ import torch
 from tyro.conf import OmitArgPrefixes, arg
 
 from latentmotion.cli import options
-from latentmotion.condition.interface import TextEncoder
-from latentmotion.condition.task import TASKS
+from latentmotion.condition import TASKS, TextEncoder
 from latentmotion.data import lengths as captions
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
@@ -25,8 +24,8 @@ from latentmotion.data.sources.own import OwnMotions
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.action import describe_action_classifier
 from latentmotion.evaluation.evaluators.words import EncodedWords, read_glove
-from latentmotion.gpu.backend import find_encoder, text_encoder_named
 from latentmotion.model.card import CARD_FILE, LENGTHS_FILE, find_model, read_card
+from latentmotion.networks.backend import find_encoder, text_encoder_named
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import check_replaceable, check_writable
@@ -39,10 +38,9 @@ from latentmotion.training.distillation import stage as distillation
 from latentmotion.training.distillation.data import Distillation
 from latentmotion.training.distributed import DistributedContext, distributed_context
 from latentmotion.training.evaluator import recipe_named
-from latentmotion.training.experiment import TrainingSettings, with_changes
+from latentmotion.training.experiment import PRESETS, TrainingSettings, preset_named, with_changes
 from latentmotion.training.finetune import FineTuning, finetune
-from latentmotion.training.length_trials import LengthTrials, judged_lengths
-from latentmotion.training.presets import PRESETS, preset_named
+from latentmotion.training.lengths import LengthTrials, judged_lengths
 from latentmotion.training.reinforce import Reinforcement, reinforce
 from latentmotion.training.text_encoder.data import read_captions
 from latentmotion.training.text_encoder.stage import StudentRecipe, train_text_encoder

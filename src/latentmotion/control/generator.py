@@ -10,7 +10,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.condition.interface import Condition
+from latentmotion.condition import Condition
 from latentmotion.control.reach import CorrectedDenoiser, Correction, DecodedMotion, Sample
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, remaining_times, sample

@@ -22,10 +22,11 @@ from torch import Tensor
 from latentmotion.convert.reading import read_content, tensors_of
 from latentmotion.data.sources.humanact12 import ACTIONS
 from latentmotion.errors import FileFormatError, InputError, ModelError
-from latentmotion.evaluation.evaluators.action import ActionClassifier, save_action_classifier
-from latentmotion.evaluation.evaluators.action_networks import (
+from latentmotion.evaluation.evaluators.action import (
+    ActionClassifier,
     GraphNetworkConfig,
     MotionGRUConfig,
+    save_action_classifier,
 )
 from latentmotion.evaluation.evaluators.interface import EVALUATOR_FILE
 from latentmotion.evaluation.evaluators.text_motion import (

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.condition.task import TextConditioning, TextTask
+from latentmotion.condition import TextConditioning, TextTask
 from latentmotion.convert.mld import (
     Origin,
     Unstated,
@@ -27,7 +27,7 @@ from latentmotion.diffusion.schedule import Cosine
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.config import DenoiserConfig, IdentityVAEConfig, Sampling
 from latentmotion.networks import checkpoint
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 
 _TEXT_ENCODER = "openai/clip-vit-base-patch32"
 

@@ -17,7 +17,7 @@ from typing import Literal, TypeVar
 import numpy as np
 from torch import Tensor, nn
 
-from latentmotion.condition.task import ActionTask, TextTask
+from latentmotion.condition import ActionTask, TextTask
 from latentmotion.convert import reading
 from latentmotion.data.sources.humanact12 import ACTIONS
 from latentmotion.diffusion.parametrization import Epsilon, Sample
@@ -33,7 +33,7 @@ from latentmotion.model.config import (
     TransformerVAEConfig,
 )
 from latentmotion.networks import checkpoint
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.transformer import LEARNED_LENGTH
 from latentmotion.networks.vae.interface import MotionVAE

@@ -42,10 +42,10 @@ from torch.nn.attention import SDPBackend, sdpa_kernel
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import FlopCounterMode, flop_registry
 
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.evaluation.candidates import Generated
 from latentmotion.evaluation.protocol import TestPrompt
-from latentmotion.gpu.backend import torch_pipeline
+from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import load_stages
 from latentmotion.networks.transformer import CrossAttention, SelfAttention
 

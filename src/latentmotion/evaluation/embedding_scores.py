@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 
 from latentmotion.data.clip import Caption
 from latentmotion.errors import InputError
+from latentmotion.evaluation import metrics
 from latentmotion.evaluation.candidates import Generated
 from latentmotion.evaluation.evaluators.action import Recognizer, drawing_states
 from latentmotion.evaluation.evaluators.interface import (
@@ -19,7 +20,6 @@ from latentmotion.evaluation.evaluators.interface import (
     Evaluator,
     TextMotionEvaluator,
 )
-from latentmotion.evaluation.metrics import embeddings as metrics
 from latentmotion.evaluation.protocol import Protocol, Replication, TestPrompt
 
 Motions = Sequence[Float[np.ndarray, "_ features"]]

@@ -17,9 +17,9 @@ from jaxtyping import Float
 
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
+from latentmotion.evaluation import metrics
 from latentmotion.evaluation.evaluators.action import Recognizer
 from latentmotion.evaluation.evaluators.interface import Evaluator
-from latentmotion.evaluation.metrics import joints as metrics
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
 from latentmotion.kinematics.smpl import SmplModel
 from latentmotion.representation.smpl import SmplRepresentation, representation_of

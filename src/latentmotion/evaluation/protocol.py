@@ -14,7 +14,7 @@ from zlib import crc32
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.condition.task import TASKS, Task, TaskName
+from latentmotion.condition import TASKS, Task, TaskName
 from latentmotion.data.clip import Caption, Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError, InputError

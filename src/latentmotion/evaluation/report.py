@@ -22,8 +22,8 @@ from latentmotion.evaluation.cost import Cost
 from latentmotion.evaluation.evaluators.interface import Evaluator
 from latentmotion.evaluation.position_scores import body_of
 from latentmotion.evaluation.protocol import Protocol
-from latentmotion.gpu.device import describe_machine
 from latentmotion.model.card import ModelCard
+from latentmotion.networks.device import describe_machine
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import atomic_folder, sha256
 from latentmotion.storage.provenance import commit

@@ -19,7 +19,7 @@ from onnx import GraphProto, ModelProto
 from torch import Tensor, nn
 from torch.export import Dim
 
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.diffusion.guidance import DistilledGuidance
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.diffusion.schedule import StepCondition

@@ -8,12 +8,17 @@ Decoder swap: one model's decoder for another model with the same encoder, so th
 
 A few-step student and a light decoder are trained separately from the same model, and combined
 here.
+
+Truncation and padding, which the tokenizer of `transformers` gets at every call, are stored in
+`tokenizer.json`, so that a sentence alone becomes the tokens that the network was trained with.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -22,23 +27,34 @@ from typing import Any, TypeVar
 import numpy as np
 import onnx
 import torch
-from safetensors.torch import save_file
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
+from tokenizers import Tokenizer
+from torch import Tensor, nn
 
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.session import PULLBACK_FILE, fused_sampler_file, open_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export import onnx as graphs
 from latentmotion.export.graph_weights import Weights, quantize, share_weights
+from latentmotion.export.onnx import trace
 from latentmotion.model import card as cards
-from latentmotion.model.card import GraphPrecision, ModelCard
-from latentmotion.model.readme import readme
+from latentmotion.model.card import (
+    RIGHTS_IN_MOTIONS,
+    TEXT_GRAPH_FILE,
+    TOKENIZER_FILE,
+    GraphPrecision,
+    ModelCard,
+)
 from latentmotion.networks import checkpoint
 from latentmotion.networks.checkpoint import FirstStageModel
-from latentmotion.networks.text_encoder import pack
+from latentmotion.networks.pretrained_text import PretrainedTextEncoder, Read
+from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, pack, packed
 from latentmotion.networks.vae.interface import fingerprint
 from latentmotion.progress import counted
-from latentmotion.storage.files import atomic_folder
+from latentmotion.storage.files import atomic_file, atomic_folder
+from latentmotion.storage.provenance import PIPELINE, front_matter, license_fields
 from latentmotion.text.encoder import load_text_encoder
 
 TOLERANCE: dict[GraphPrecision, float] = {"float32": 1e-4, "int8": 0.1}
@@ -295,3 +311,166 @@ def _encoder_of(model: FirstStageModel) -> str:
     if not model.card.vae.has_weights:
         raise ModelError(f"model {model.card.name!r} has no VAE: run latentmotion train vae")
     return fingerprint(model.vae)
+
+
+WEIGHTS_FILE = "text_encoder.safetensors"
+
+
+def export_student(
+    network: StudentNetwork, tokenizer: Tokenizer, known_words: Iterable[str], folder: Path
+) -> nn.Module:
+    """Writes `text_encoder.onnx`, `text_encoder.safetensors` and `tokenizer.json` of a student.
+
+    Returns:
+        The network whose 8-bit weights both files hold.
+    """
+    small = packed(network)
+    state = {name: tensor.contiguous() for name, tensor in small.state_dict().items()}
+    digest = hashlib.sha256(b"".join(state[name].numpy().tobytes() for name in sorted(state)))
+    card = {
+        "name": f"student-{digest.hexdigest()[:12]}",
+        "known_words": json.dumps(sorted(known_words)),
+    }
+    shape = {key: str(value) for key, value in vars(network.shape).items()}
+    with atomic_file(folder / WEIGHTS_FILE) as temporary:
+        save_file(state, temporary, metadata=shape)
+    with atomic_file(folder / TOKENIZER_FILE) as temporary:
+        tokenizer.save(str(temporary), pretty=False)
+    write_graph(small, card, folder / TEXT_GRAPH_FILE)
+    return small
+
+
+def load_student(path: Path) -> nn.Module:
+    """Returns the network of a `text_encoder.safetensors`, for PyTorch."""
+    with safe_open(path, "pt") as file:
+        shape = {key: int(value) for key, value in file.metadata().items()}
+    network = packed(StudentNetwork(NetworkShape(**shape)))
+    network.load_state_dict(load_file(path))
+    return network
+
+
+def write_graph(network: nn.Module, card: dict[str, str], path: Path) -> None:
+    """Writes a network's graph, tokens, mask → pooled, words, with a card as its metadata."""
+    tokens, mask = torch.zeros(2, 7, dtype=torch.long), torch.ones(2, 7, dtype=torch.bool)
+    trace(network, {"tokens": tokens, "mask": mask}, path, ("pooled", "words"), card)
+
+
+def export_pretrained(encoder: PretrainedTextEncoder, folder: Path) -> None:
+    """Writes `text_encoder.onnx` and `tokenizer.json` of a pretrained encoder.
+
+    Raises:
+        ModelError: The encoder has no tokenizer that runs without `transformers`.
+    """
+    backend = getattr(encoder.tokenizer, "backend_tokenizer", None)
+    if backend is None:
+        raise ModelError(f"{encoder.name} has no fast tokenizer, which an export needs")
+    tokenizer = Tokenizer.from_str(backend.to_str())
+    tokenizer.enable_truncation(encoder.kind.longest)
+    tokenizer.no_padding()
+    if encoder.kind.padding == "max_length":
+        tokenizer.enable_padding(
+            pad_id=encoder.tokenizer.pad_token_id,
+            pad_token=encoder.tokenizer.pad_token,
+            length=encoder.kind.longest,
+        )
+    with atomic_file(folder / TOKENIZER_FILE) as temporary:
+        tokenizer.save(str(temporary), pretty=False)
+    network = _ReadNetwork(encoder.model, encoder.kind.read)
+    write_graph(network, {"name": encoder.name}, folder / TEXT_GRAPH_FILE)
+
+
+class _ReadNetwork(nn.Module):
+    """A pretrained network with the reading of its states: tokens, mask → pooled, words."""
+
+    def __init__(self, network: nn.Module, read: Read) -> None:
+        super().__init__()
+        self.network = network
+        self.read = read
+
+    def forward(self, tokens: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+        reading = self.read(self.network, tokens, mask)
+        return reading.pooled, reading.words
+
+
+_INPUTS = {
+    "text": "an English sentence",
+    "action": "the name of an action",
+    "unconditional": "nothing but a seed",
+}
+
+
+def readme(card: ModelCard) -> str:
+    """Returns the page, with the YAML that the hub reads at its head."""
+    provenance, text = card.provenance, card.task == "text"
+    head = {
+        **license_fields([provenance.license]),
+        "library_name": "latentmotion",
+        "pipeline_tag": PIPELINE if text else None,
+        "language": ["en"] if text else None,
+        "tags": ["latentmotion", "text-to-motion" if text else "motion-generation", "motion"],
+        "datasets": [line.partition(":")[0] for line in provenance.data],
+        "model-index": _index(card),
+    }
+    shortest, longest = card.frames
+    prompt = '"a person walks"' if text else '"LABEL"' if card.task == "action" else "None"
+    rows = [f"| {name} | {value:g} |" for name, value in numbers(card.figures)]
+    lines = [
+        front_matter(head),
+        f"# {card.name}",
+        "",
+        f"Makes motion of one person from {_INPUTS[card.task]}: {shortest} to {longest} frames of "
+        f"{card.representation} features, with {card.sampling.steps} sampling steps of "
+        f"{card.sampling.sampler} where nothing else is asked. `model.json` holds the same for "
+        "programs.",
+        "",
+        "```python",
+        "from latentmotion import MotionPipeline",
+        "",
+        'generate = MotionPipeline.from_pretrained("FOLDER_OR_HUB_ID")',
+        f'generate({prompt}, seed=7).save("motion.bvh")',
+        "```",
+        "",
+        "## Training",
+        "",
+        *(f"* Data: {line}" for line in provenance.data),
+        *(f"* SHA-256 of {name}: {value}" for name, value in provenance.data_hashes.items()),
+        f"* {provenance.hours:g} hours on {provenance.machine or 'an unknown machine'}",
+        *(["", "```bash", *provenance.commands, "```", ""] if provenance.commands else [""]),
+        "## Figures",
+        "",
+        *(["| figure | value |", "|---|---|", *rows] if rows else ["None were measured."]),
+        "",
+        "## Terms",
+        "",
+        f"Weights: {provenance.license}. {RIGHTS_IN_MOTIONS}",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _index(card: ModelCard) -> list[dict[str, Any]]:
+    """Returns the hub's table of results; none for a model without figures."""
+    evaluation = card.figures.get("evaluation", {})
+    data = str(evaluation.get("data", ""))
+    metrics = [
+        {"type": name.rpartition(".")[2], "name": name, "value": value}
+        for name, value in numbers(card.figures)
+    ]
+    result = {
+        "task": {"type": PIPELINE, "name": "Motion generation"},
+        "dataset": {
+            "type": data.partition(" ")[0] or "motion-capture",
+            "name": data or "the validation split of its training data",
+        },
+        "metrics": metrics,
+    }
+    return [{"name": card.name, "results": [result]}] if metrics else []
+
+
+def numbers(figures: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, float]]:
+    """Yields the numbers of nested figures with their names, joined by dots."""
+    for name, value in figures.items():
+        if isinstance(value, Mapping):
+            yield from numbers(value, f"{prefix}{name}.")
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield f"{prefix}{name}", value

@@ -28,8 +28,7 @@ from onnx import ModelProto, TensorProto, compose, helper, numpy_helper, parser
 from tokenizers import Tokenizer
 from torch import Tensor, nn
 
-from latentmotion.condition.interface import TextEmbedding
-from latentmotion.condition.task import SentenceCondition, TextConditioning
+from latentmotion.condition import SentenceCondition, TextConditioning, TextEmbedding
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import representation_of
 from latentmotion.engine.session import fused_sampler_file, open_session

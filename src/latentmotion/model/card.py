@@ -15,8 +15,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from latentmotion.condition.interface import Condition, TextEncoder
-from latentmotion.condition.task import ActionTask, TaskName, TextTask, UnconditionalTask
+from latentmotion.condition import (
+    ActionTask,
+    Condition,
+    TaskName,
+    TextEncoder,
+    TextTask,
+    UnconditionalTask,
+)
 from latentmotion.diffusion.parametrization import (
     Denoiser,
     Epsilon,

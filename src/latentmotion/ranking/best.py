@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 
 from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
-from latentmotion.condition.interface import Condition
-from latentmotion.condition.task import SentenceCondition
+from latentmotion.condition import Condition, SentenceCondition
 from latentmotion.corrections import Corrections
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import floating, foot_sliding, jitter, penetration

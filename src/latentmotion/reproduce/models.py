@@ -14,8 +14,7 @@ from typing import Any, Literal
 from latentmotion.model import config
 from latentmotion.reproduce.budget import Budget
 from latentmotion.storage.configuration import from_json
-from latentmotion.training.experiment import Experiment
-from latentmotion.training.presets import preset_named, with_settings
+from latentmotion.training.experiment import Experiment, preset_named, with_settings
 
 FIRST_STAGE = ("vae", "vae_objective", "vae_cropping", "vae_training", "mirrored")
 """Parts of an experiment that determine the first stage."""

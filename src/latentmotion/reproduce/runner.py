@@ -15,7 +15,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.errors import DataError, InputError
 from latentmotion.evaluation.candidates import Candidate, Generated, Prior, Reconstructed
 from latentmotion.evaluation.cost import cost_of, longest_of
@@ -23,10 +23,9 @@ from latentmotion.evaluation.evaluate import build_test_set, evaluate
 from latentmotion.evaluation.evaluators.interface import Evaluator
 from latentmotion.evaluation.protocol import Protocol
 from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report
-from latentmotion.gpu.backend import torch_pipeline, torch_prior
 from latentmotion.model.card import read_card
-from latentmotion.networks.build import build
-from latentmotion.networks.checkpoint import WEIGHTS_FILE, load_stages
+from latentmotion.networks.backend import torch_pipeline, torch_prior
+from latentmotion.networks.checkpoint import WEIGHTS_FILE, build, load_stages
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
 from latentmotion.reproduce.markdown import RowResult, TableResult, markdown

@@ -12,10 +12,10 @@ from typing import Literal
 
 import torch
 
-from latentmotion.condition.interface import Conditioning
+from latentmotion.condition import Conditioning
 from latentmotion.evaluation.cost import flops
 from latentmotion.evaluation.report import Figure
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 from latentmotion.training.experiment import Experiment
 from latentmotion.training.loop import read_progress
 from latentmotion.training.run_folder import Run, read_run

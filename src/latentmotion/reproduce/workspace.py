@@ -22,8 +22,7 @@ from statistics import median
 import torch
 from safetensors.torch import load_file
 
-from latentmotion.condition.interface import TextEncoder
-from latentmotion.condition.task import TASKS
+from latentmotion.condition import TASKS, TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.evaluation.cost import parameters

@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.language.acts import of_a_person
 from latentmotion.language.negation import affirmed
 from latentmotion.language.words import ENDINGS, parts_of, with_words, words_of

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start

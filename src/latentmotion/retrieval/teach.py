@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from latentmotion.arrays import unit
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import COMPOSED

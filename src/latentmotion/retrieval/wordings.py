@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import unit
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.language.acts import lookups
 from latentmotion.language.claims import both_sides, mirror_words

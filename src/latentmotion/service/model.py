@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from latentmotion.condition.task import SentenceCondition
+from latentmotion.condition import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine.request import GenerationRequest, frames_of
 from latentmotion.errors import LatentMotionError

@@ -23,7 +23,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
+from latentmotion.condition import TextEmbedding, TextEncoder, stack
 from latentmotion.errors import InputError
 from latentmotion.storage.files import atomic_file, sha256
 from latentmotion.text.encoder import EncoderWithVocabulary, pieces, warn_of_unknown

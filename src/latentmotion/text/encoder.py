@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Int
 
 from latentmotion.arrays import unit
-from latentmotion.condition.interface import TextEmbedding, TextEncoder, stack
+from latentmotion.condition import TextEmbedding, TextEncoder, stack
 from latentmotion.engine.session import PickledByFields, onnxruntime_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import text_encoder_files

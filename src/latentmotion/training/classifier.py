@@ -23,12 +23,10 @@ from latentmotion.errors import DataError
 from latentmotion.evaluation.evaluators.action import (
     ActionClassifier,
     Recognizer,
-    recognizer_of,
-    save_action_classifier,
-)
-from latentmotion.evaluation.evaluators.action_networks import (
     TemporalClassifier,
     TemporalClassifierConfig,
+    recognizer_of,
+    save_action_classifier,
 )
 from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.files import atomic_file

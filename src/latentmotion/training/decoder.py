@@ -16,18 +16,18 @@ from pathlib import Path
 import torch
 from jaxtyping import Bool, Float
 
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.diffusion.parametrization import add_noise
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export.package import check_latents, other_figures, scale_of
 from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.config import VAEConfig
-from latentmotion.networks.build import build
 from latentmotion.networks.checkpoint import (
     WEIGHTS_FILE,
     FirstStageModel,
     LatentModel,
+    build,
     load_model,
     load_stages,
     save_model,

@@ -29,9 +29,8 @@ from latentmotion.storage.files import atomic_file
 from latentmotion.training.denoiser_loss import denoiser_loss
 from latentmotion.training.distributed import DistributedContext, Ranks, StepRandomness
 from latentmotion.training.experiment import Experiment
-from latentmotion.training.journal import Previews
 from latentmotion.training.loop import Stage
-from latentmotion.training.run_folder import first_stage_card
+from latentmotion.training.run_folder import Previews, first_stage_card
 from latentmotion.training.task_conditions import ConditionTable
 from latentmotion.training.vae import BatchSampler, FeatureCache
 

@@ -1,22 +1,26 @@
-"""An experiment names one of each part, and how both stages are trained; `presets` make some.
+"""An experiment names one of each part, and how both stages are trained.
 
-A run folder keeps it as `experiment.json`, which is read back strictly.
+A run folder keeps it as `experiment.json`, which is read back strictly. `presets.toml` holds those
+that are ready to train; a file of settings says how one differs from a preset.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from latentmotion.condition.task import TaskName, TextConditioning
+from latentmotion.condition import TaskName, TextConditioning
 from latentmotion.data.dataset import Cropping
-from latentmotion.errors import InputError
+from latentmotion.errors import InputError, hint
 from latentmotion.model.config import DenoiserConfig, Sampling, VAEConfig
 from latentmotion.networks.vae.interface import VAEObjective
-from latentmotion.storage.configuration import from_json, to_json
+from latentmotion.storage.configuration import from_json, read_plain, to_json
+from latentmotion.storage.reading import read_text
 from latentmotion.training.denoiser_loss import DenoiserObjective
 from latentmotion.training.rarity import RarityDraws
 
@@ -174,3 +178,70 @@ def differing_keys(first: Any, second: Any, where: str = "") -> Iterator[str]:
             yield from differing_keys(first.get(key), second.get(key), path)
     elif first != second:
         yield f"{where} ({first!r} → {second!r})"
+
+
+_TABLE = tomllib.loads(Path(__file__).with_name("presets.toml").read_text(encoding="utf-8"))
+
+PRESETS = tuple(_TABLE)
+"""Names of the presets."""
+
+
+def preset_named(name: str) -> Experiment:
+    """Returns a preset, or what a file of settings says.
+
+    Args:
+        name: Name of a preset; or a file that ends with .json or .toml: the settings that differ
+            from those of a preset, which it names as `preset` (by default starter). The
+            `experiment.json` of a run folder is such a file.
+
+    Raises:
+        InputError: There is none of this name; the nearest is named. Or the file cannot be read,
+            or does not fit.
+    """
+    if not name.lower().endswith((".json", ".toml")):
+        if name not in _TABLE:
+            raise InputError(f"unknown preset {name!r}; {hint(name, PRESETS)}")
+        return _with_base({"name": name, **_TABLE[name]})
+    path = Path(name)
+    if path.suffix.lower() == ".json":
+        data = read_plain(path)
+    else:
+        try:
+            data = tomllib.loads(read_text(path))
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"{path}: {error}") from error
+    if isinstance(data, dict) and isinstance(data.get("experiment"), dict):
+        data = data["experiment"]  # of a run folder
+    if not isinstance(data, dict):
+        raise InputError(f'{path}: expected an object of settings, e.g. {{"mirrored": false}}')
+    preset_named(str(data.setdefault("preset", "starter")))  # its errors do not name this file
+    try:
+        return _with_base(data)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def with_settings(experiment: Experiment, settings: Mapping[str, Any]) -> Experiment:
+    """Returns an experiment with those of nested settings in the place of its own.
+
+    Raises:
+        InputError: A key is unknown (the nearest is named) or a value is not of its kind.
+    """
+    return from_json(Experiment, _changed(to_json(experiment), settings))
+
+
+def _with_base(data: Mapping[str, Any]) -> Experiment:
+    settings = {key: value for key, value in data.items() if key != "preset"}
+    if "preset" in data:
+        return with_settings(preset_named(str(data["preset"])), settings)
+    return from_json(Experiment, _changed({}, settings))
+
+
+def _changed(before: Any, after: Any) -> Any:
+    """Returns settings with those of another object in their place; other kinds replace them."""
+    if not isinstance(after, Mapping):
+        return None if after == "null" else after  # TOML has no null
+    base = dict(before) if isinstance(before, Mapping) else {}
+    if after.get("kind", base.get("kind")) != base.get("kind"):
+        base = {}
+    return base | {key: _changed(base.get(key), value) for key, value in after.items()}

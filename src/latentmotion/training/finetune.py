@@ -19,11 +19,11 @@ from latentmotion.data.sources.own import OwnMotions, find_motions
 from latentmotion.data.store import MANIFEST, read_manifest
 from latentmotion.errors import DataError, ModelError
 from latentmotion.export import package
-from latentmotion.gpu.backend import find_encoder, torch_pipeline
 from latentmotion.measure.scene import describe
 from latentmotion.model import card as cards
 from latentmotion.model.card import find_model, lengths_file, read_card
 from latentmotion.model.config import FewStepConfig
+from latentmotion.networks.backend import find_encoder, torch_pipeline
 from latentmotion.networks.checkpoint import WEIGHTS_FILE
 from latentmotion.progress import counted
 from latentmotion.representation.interface import representation_named
@@ -38,8 +38,7 @@ from latentmotion.training.distillation.data import Distillation, TrajectoryRegr
 from latentmotion.training.distillation.stage import distill
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.drawn_instructions import drawn_instructions
-from latentmotion.training.experiment import TrainingSettings
-from latentmotion.training.presets import preset_named
+from latentmotion.training.experiment import TrainingSettings, preset_named
 from latentmotion.training.run_folder import open_run
 
 REHEARSAL = "rehearsal"

@@ -25,13 +25,18 @@ from torch import nn
 from torch.nn.parallel import DistributedDataParallel
 
 from latentmotion.errors import LatentMotionError, ModelError
-from latentmotion.gpu.device import autocast
 from latentmotion.motion import Motion
+from latentmotion.networks.device import autocast
 from latentmotion.storage.files import atomic_file
-from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.distributed import (
+    DistributedContext,
+    is_sharded,
+    shard,
+    shared_like,
+    whole,
+)
 from latentmotion.training.experiment import TrainingSettings
-from latentmotion.training.journal import Journal, write_strip
-from latentmotion.training.sharding import is_sharded, shard, shared_like, whole
+from latentmotion.training.run_folder import Journal, write_strip
 
 Network = TypeVar("Network", bound=nn.Module)
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.instructions import Instruction
 from latentmotion.diffusion.parametrization import add_noise
@@ -30,9 +30,8 @@ from latentmotion.training.denoiser import DenoiserStage, LatentData
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.drawn_instructions import drawn_instructions
 from latentmotion.training.experiment import Experiment, TrainingSettings
-from latentmotion.training.journal import Previews
 from latentmotion.training.loop import train
-from latentmotion.training.run_folder import MODEL, open_run, second_stage_card
+from latentmotion.training.run_folder import MODEL, Previews, open_run, second_stage_card
 from latentmotion.training.stages import FirstStage, check_fit, prepare_latents
 from latentmotion.training.takes import Takes, TakeSettings, cached_takes
 from latentmotion.training.task_conditions import ConditionTable, task_conditioning

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.condition.interface import TextEncoder
-from latentmotion.condition.task import SentenceCondition, TextTask
+from latentmotion.condition import SentenceCondition, TextEncoder, TextTask
 from latentmotion.data.dataset import Dataset, Item
 from latentmotion.engine.backend import normalizer_of
 from latentmotion.errors import InputError, ModelError
@@ -20,17 +19,17 @@ from latentmotion.kinematics.smpl import SmplModel, load_smpl
 from latentmotion.model.card import CARD_FILE, ModelCard, read_card
 from latentmotion.model.config import LatentSpace
 from latentmotion.networks import checkpoint
-from latentmotion.networks.build import build, start_from
+from latentmotion.networks.checkpoint import build, start_from
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
 from latentmotion.training import denoiser as second_stage
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import Experiment
-from latentmotion.training.journal import Previews
 from latentmotion.training.loop import train
 from latentmotion.training.run_folder import (
+    EXPERIMENT_FILE,
     MODEL,
-    NAME,
+    Previews,
     Run,
     first_stage_card,
     open_run,
@@ -318,7 +317,11 @@ def load_first_stage(folder: Path) -> FirstStage:
     """
     model = folder / MODEL if (folder / MODEL / CARD_FILE).is_file() else folder
     if not (model / CARD_FILE).is_file():
-        state = "a run that has not ended" if (folder / NAME).is_file() else "no trained model"
+        state = (
+            "a run that has not ended"
+            if (folder / EXPERIMENT_FILE).is_file()
+            else "no trained model"
+        )
         raise ModelError(
             f"{folder} holds {state}; stage 2 needs a trained VAE: run latentmotion train vae "
             "to its end and pass its run folder"

@@ -20,11 +20,11 @@ from latentmotion.data.instructions import Instruction
 from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.samplers import SeededNoise, sample, sampler_named
 from latentmotion.engine.backend import FeatureDecoder, representation_of
-from latentmotion.gpu.device import autocast
 from latentmotion.measure.facts import FPS
 from latentmotion.measure.scene import describe
 from latentmotion.model.config import STRIDE
 from latentmotion.networks.checkpoint import LatentModel
+from latentmotion.networks.device import autocast
 from latentmotion.storage.files import atomic_file
 from latentmotion.training.checking import fulfills
 from latentmotion.training.distributed import DistributedContext

@@ -14,8 +14,8 @@ from functools import partial
 import numpy as np
 import torch
 
-from latentmotion.condition import task as tasks
-from latentmotion.condition.interface import Condition, Conditioning, TextEncoder
+from latentmotion import condition as tasks
+from latentmotion.condition import Condition, Conditioning, TextEncoder
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset, Item, items_of
 from latentmotion.errors import InputError

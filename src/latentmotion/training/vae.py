@@ -14,7 +14,7 @@ from latentmotion.arrays import prefix_mask
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, Item, items_of, plan_epoch
 from latentmotion.errors import DataError
-from latentmotion.evaluation.metrics.joints import mpjpe
+from latentmotion.evaluation.metrics import mpjpe
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.kinematics.smpl import SkinnedBody
 from latentmotion.motion import Motion

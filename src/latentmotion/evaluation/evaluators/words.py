@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import Caption
 from latentmotion.errors import FileFormatError, ModelError
 from latentmotion.storage import pickles

@@ -1,31 +1,155 @@
-"""The instruction benchmark: shares of motions that fulfill their prompts, and its report.
+"""The instruction benchmark: prompts, shares of motions that fulfill them, and the report.
 
 Takes of one prompt resemble each other. Intervals are Wilson's (Wilson 1927) for the effective
 number of independent motions (Kish 1965): n / (1 + (m - 1) ρ), with m takes per prompt and ρ the
 correlation of takes of one prompt, estimated by analysis of variance, between 0 and 1.
+
+Ground truth of the benchmark: claims of real motions' captions, tested by the same checks.
+
+Claims are found by regular expressions in captions (`captions.csv`) and in labels of actions that
+name sides and counts, as HDM05's do (`labels.csv`); a caption counts once per check. Stops are not
+searched, since people mention them where a clip ends. Annotators err and describe only parts of
+clips, so that figures are below 100 % even if every check is right.
 """
 
 from __future__ import annotations
 
+import csv
 import json
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib.resources import files
 from math import sqrt
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool
 
-from latentmotion.data.instructions import GROUPS, Instruction
-from latentmotion.errors import InputError
+from latentmotion.data import instructions as held_out
+from latentmotion.data.clip import Clip
+from latentmotion.data.dataset import Dataset
+from latentmotion.data.instructions import GROUPS, Check, Instruction, parse
+from latentmotion.errors import DataError, InputError
 from latentmotion.evaluation.instructions.body import Body
 from latentmotion.evaluation.instructions.detectors import fulfills
-from latentmotion.evaluation.instructions.ground_truth import CaptionClaim
 from latentmotion.evaluation.instructions.motions import MIN_FRAMES, Joints
-from latentmotion.evaluation.instructions.prompts import VERSION
 from latentmotion.progress import counted
 from latentmotion.storage.configuration import to_json
-from latentmotion.storage.files import atomic_folder
+from latentmotion.storage.files import atomic_file, atomic_folder
+
+_NEGATED = re.compile(r"\b(without|not|no|doesn't|never|or|as if|like)\b")
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """A claim that captions can make."""
+
+    group: str
+    """Its group of instructions."""
+    words: re.Pattern[str]
+    """Expression in a lower-case caption."""
+    check: Check
+    """Check of the motion."""
+
+    def is_in(self, text: str) -> bool:
+        """Returns whether a caption makes the claim; one of both sides claims no single side."""
+        if _NEGATED.search(text) or not self.words.search(text):
+            return False
+        both = re.search(r"\bleft\b", text) and re.search(r"\bright\b", text)
+        return not (both and self.group == "side")
+
+
+@dataclass(frozen=True, eq=False)
+class CaptionClaim:
+    """A real motion with a claim of its caption."""
+
+    clip: str
+    """Name of the clip, or its label if the label makes the claim."""
+    caption: str
+    """The caption, or the clip's name if the label makes the claim."""
+    group: str
+    """Group of the claim."""
+    check: Check
+    """Check of the motion."""
+    joints: Joints
+    """The motion."""
+
+
+def patterns(of: Literal["captions", "labels"]) -> tuple[Pattern, ...]:
+    """Returns the claims that are searched."""
+    return tuple(
+        Pattern(row["group"], re.compile(row["pattern"]), parse(row["check"]))
+        for row in csv.DictReader(packaged_text(f"{of}.csv").splitlines())
+    )
+
+
+def claims_of(dataset: Dataset, split: str) -> list[CaptionClaim]:
+    """Returns the real motions of a split whose captions claim what prompts ask for.
+
+    A claim that several captions make of the same frames is one. If captions are tagged with parts
+    of speech, as HumanML3D's are, those without tags (names of classes, rules) are left out.
+
+    Raises:
+        DataError: No caption of the split makes a claim.
+    """
+    clips = dataset.clips(split)
+    tagged = any(caption.tokens for clip in clips for caption in clip.captions)
+    known_claims = patterns("captions")
+    claims = [
+        claim for clip in clips for claim in caption_claims(dataset, clip, known_claims, tagged)
+    ]
+    # Clips of one label resemble each other, and count as takes of it.
+    known_claims = patterns("labels")
+    for clip in clips:
+        fitting = [
+            pattern for pattern in known_claims if clip.action and pattern.words.match(clip.action)
+        ]
+        if fitting and clip.frames >= MIN_FRAMES:
+            joints = dataset.representation.decode(dataset.features(clip))
+            label = str(clip.action)
+            claims += [CaptionClaim(label, clip.id, p.group, p.check, joints) for p in fitting]
+    if not claims:
+        raise DataError(
+            f"{dataset.folder}: no caption of the {split} split claims what can be checked; "
+            "leave --data out"
+        )
+    return claims
+
+
+def caption_claims(
+    dataset: Dataset, clip: Clip, known_claims: Sequence[Pattern], tagged: bool
+) -> Iterator[CaptionClaim]:
+    """Yields the claims of a clip's captions.
+
+    Args:
+        dataset: Data set of the clip.
+        clip: The clip.
+        known_claims: Claims to search.
+        tagged: Whether captions without parts of speech are left out.
+    """
+    counted: set[tuple[str, int, int]] = set()
+    joints: Joints = np.zeros((0, 22, 3))
+    # Captions of labeled clips are made from the label, which makes the claim.
+    written = () if clip.action else clip.captions
+    for caption in (item for item in written if item.tokens or not tagged):
+        text = caption.text.lower()
+        for pattern in known_claims:
+            key = (str(pattern.check), caption.start_frame, caption.end_frame)
+            if key in counted or not pattern.is_in(text):
+                continue
+            counted.add(key)
+            if not len(joints):
+                joints = dataset.representation.decode(dataset.features(clip))
+            part = joints[caption.start_frame : caption.end_frame]
+            if len(part) >= MIN_FRAMES:
+                yield CaptionClaim(clip.id, caption.text, pattern.group, pattern.check, part)
+
+
+VERSION = 2
+"""Version of prompts and checks; figures of different versions do not compare."""
 
 OVERALL = "overall"
 """Name of all groups together."""
@@ -301,3 +425,42 @@ def write(benchmark: Benchmark, folder: str | Path) -> None:
 
 def _line(cells: list[str]) -> str:
     return f"| {' | '.join(cells)} |"
+
+
+def packaged_text(name: str) -> str:
+    """Returns a text file of this package."""
+    return files("latentmotion.evaluation.instructions").joinpath(name).read_text(encoding="utf-8")
+
+
+@cache
+def instructions() -> tuple[Instruction, ...]:
+    """Returns the list."""
+    rows = csv.DictReader(packaged_text("checks.csv").splitlines())
+    checks = {row["id"]: parse(row["check"]) for row in rows}
+    listed = held_out.instructions()
+    return tuple(replace(instruction, check=checks[instruction.id]) for instruction in listed)
+
+
+def write_prompts(path: str | Path, takes: int) -> None:
+    """Writes the list as CSV, with a column of seeds.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    columns = ("id", "group", "prompt", "check", "seconds", "seeds")
+    with atomic_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        for row in instructions():
+            length = "" if row.seconds is None else f"{row.seconds:g}"
+            seeds = " ".join(map(str, row.seeds(takes)))
+            writer.writerow(
+                [
+                    row.id,
+                    row.group,
+                    row.prompt,
+                    str(row.check),
+                    length,
+                    seeds,
+                ]
+            )

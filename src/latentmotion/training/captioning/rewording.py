@@ -23,13 +23,16 @@ import numpy as np
 
 from latentmotion.language.inflection import inflect
 from latentmotion.training.captioning.clauses import (
+    PHRASES,
     SUBJECT,
+    VERB_GROUPS,
     Clause,
     Sentence,
+    other_number,
     read_clauses,
+    word_set,
     words_of,
 )
-from latentmotion.training.captioning.verbs import PHRASES, VERB_GROUPS, other_number, word_set
 
 _SUBJECTS = {
     "neutral": ("a person", "the person", "someone", "a figure", "the figure", "a human", "person"),

@@ -1,19 +1,244 @@
-"""Checks that a window shows a single action and nothing else that is worth reporting."""
+"""Checks that a window shows a single action and nothing else that is worth reporting.
+
+Of locomotion it shows one kind alone: straight, turned, started or stopped.
+"""
 
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from latentmotion.language.kinds import limits
-from latentmotion.measure.facts import BOTH, LEFT, RIGHT, SIDES, Event, SingleAction
+from latentmotion.language.kinds import kinds, limits
+from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event, SingleAction
 from latentmotion.measure.scene import Measured, highest_hand, in_place, meters, reportable_kinds
 from latentmotion.measure.signals import peaks
-from latentmotion.measure.whole_body import stillness
-from latentmotion.training.captioning.strict_locomotion import CALM, CHECKS, checks
+from latentmotion.measure.whole_body import stillness, stooped
+
+Check = Callable[[SingleAction, Measured], SingleAction | None]
+"""Returns an action as a window shows it; None where the window does not show it."""
+
+CALM = frozenset(kinds("calm"))
+"""Kinds that are reported where nothing else is."""
+
+_GAITS = frozenset(kinds("gait"))
+
+# Standing, walking or running, by kind of move.
+_CLASS = {"stand": "stand", "walk": "walk", "jog": "run", "run": "run"}
+
+# Classes of the moves of starts, stops and changes of gait.
+_STAGES = {
+    "start_walking": ["stand", "walk"], "start_running": ["stand", "run"],
+    "stop_walking": ["walk", "stand"], "stop_running": ["run", "stand"],
+    "walk_to_run": ["walk", "run"], "run_to_walk": ["run", "walk"],
+}  # fmt: skip
+
+# Speeds, m/s: below the first is slow, between the next two normal, above the last fast.
+_SPEEDS = {"walk": (0.8, 0.85, 1.35, 1.4), "jog": (1.9, 2.0, 2.6, 2.7), "run": (0.0, 2.7, 3.3, 3.6)}
+
+CHECKS: dict[str, Check] = {}
+"""Checks by kind of action; `strictness` adds those of acts and postures."""
+
+
+def checks(*kinds: str) -> Callable[[Check], Check]:
+    """Registers the check of some kinds of actions."""
+
+    def register(function: Check) -> Check:
+        CHECKS.update(dict.fromkeys(kinds, function))
+        return function
+
+    return register
+
+
+def _is_upright(scene: Measured) -> bool:
+    standing = sum(posture.frames for posture in scene.postures if posture.kind == "stand")
+    runs = any(move.kind in ("jog", "run") for move in scene.moves)
+    height, lean = (0.72, 40) if runs else (0.8, 25)
+    low = (scene.signals.joints[:, 0, 1] < height) | (scene.signals.lean > lean)
+    upright = standing > 0.95 * scene.frames and float(low.mean()) < (0.3 if runs else 0.15)
+    return upright and not _spreads_arms(scene)
+
+
+def _spreads_arms(scene: Measured) -> bool:
+    """Whether both arms are held out for half a second, as actors do before a take."""
+    outward = [
+        (scene.signals.of(f"{side}_wrist") - scene.signals.of(f"{side}_shoulder"))[:, 0] * sign
+        for side, sign in ((LEFT, 1), (RIGHT, -1))
+    ]
+    return int((np.minimum(*outward) > 0.28).sum()) >= 10
+
+
+def _is_straight(scene: Measured, turned: float) -> bool:
+    """Whether the path is straight and the heading changes by at most so many degrees."""
+    points = scene.signals.joints[:, 0, ::2]
+    net = float(np.linalg.norm(points[-1] - points[0]))
+    heading = np.degrees(scene.signals.heading)
+    return (
+        abs(scene.path.turned) <= turned
+        and np.ptp(heading) <= turned + 20
+        and net >= 0.9 * scene.path.length
+    )
+
+
+@checks("walk", "jog", "run")
+def _gait(action: SingleAction, scene: Measured) -> SingleAction | None:
+    kinds = {"walk"} if action.kind == "walk" else {"jog", "run"}
+    if reportable_kinds(scene) - CALM - kinds or not _is_upright(scene):
+        return None
+    moves = [move for move in scene.moves if move.kind != "stand"]
+    if {move.direction for move in moves} != {action.direction}:
+        return None
+    if not {move.kind for move in moves} <= kinds:
+        return None
+    moving = sum(move.frames for move in moves) / scene.frames
+    if moving < 0.9 or not _is_straight(scene, 18) or scene.path.length < 0.5:
+        return None
+    speed = float(scene.signals.speed.mean())
+    kind = action.kind if action.kind == "walk" else "run" if speed > 2.6 else "jog"
+    slow, least, most, fast = _SPEEDS[kind]
+    pace = "normal" if least <= speed <= most else ""
+    return replace(
+        action, kind=kind, pace="slow" if speed < slow else "fast" if speed > fast else pace
+    )
+
+
+@checks("turn", "circle", "half_circle")
+def _turn(action: SingleAction, scene: Measured) -> SingleAction | None:
+    facts, net = scene, scene.path.turned
+    turns, length, degrees = facts.turns, facts.path.length, abs(net)
+    if reportable_kinds(scene) - CALM - _GAITS - {"turn"} or not turns:
+        return None
+    side = LEFT if net > 0 else RIGHT
+    total = sum(turn.amount for turn in turns)
+    if len(turns) > 1 and action.kind == "turn":
+        return None
+    if any(turn.side != side for turn in turns) or abs(total - degrees) > 20 + 0.1 * total:
+        return None
+    if side != action.side or not _is_upright(scene):
+        return None
+    kinds = {m.kind for m in facts.moves if m.kind in _GAITS and m.direction != "place"}
+    if action.gait and (kinds != {action.gait} or length < 0.8):
+        return None
+    if not action.gait and length > 0.6:
+        return None
+    radius = length / max(np.radians(degrees), 0.1)
+    if action.kind == "circle":
+        shown = degrees >= 270 and length >= 2.2 and radius > 0.3
+    elif action.kind == "half_circle":
+        gradual = max(turn.frames for turn in turns) > 0.6 * facts.frames
+        shown = 130 <= degrees <= 230 and length > 1.6 and radius > 0.4 and gradual
+    else:
+        shown = 18 <= degrees <= 430 and not (action.gait and degrees > 250)
+    return replace(action, degrees=degrees) if shown else None
+
+
+@checks("walk_then_turn", "turn_then_walk", "turn_and_return")
+def _turn_with_gait(action: SingleAction, scene: Measured) -> SingleAction | None:
+    """Checks a turn with 0.5 m and more of a straight path before it, after it or both."""
+    turns, degrees = scene.turns, abs(scene.path.turned)
+    other_kinds = reportable_kinds(scene) - CALM - _GAITS - {"turn"}
+    if other_kinds or len(turns) != 1 or not _is_upright(scene):
+        return None
+    moves = [move for move in scene.moves if move.kind in _GAITS]
+    if {m.kind for m in moves} != {action.gait} or any(m.direction == "place" for m in moves):
+        return None
+    if turns[0].side != action.side or abs(turns[0].amount - degrees) > 25 or degrees < 30:
+        return None
+    if action.kind == "turn_and_return" and not 140 <= degrees <= 225:
+        return None
+    first, last = action.act[0] - action.start, action.act[1] - action.start
+    step = scene.signals.speed / FPS
+    before, after = float(step[:first].sum()) > 0.5, float(step[last:].sum()) > 0.5
+    if action.kind == "walk_then_turn":
+        shown = before
+    else:
+        shown = after and (action.kind == "turn_then_walk" or before)
+    return replace(action, degrees=degrees) if shown else None
+
+
+@checks(*_STAGES)
+def _change(action: SingleAction, scene: Measured) -> SingleAction | None:
+    """Checks a start, a stop, or a change of gait: the moves are these two, straight."""
+    other_kinds = reportable_kinds(scene) - CALM - _GAITS - {"turn"}
+    if other_kinds or abs(scene.path.turned) > 40 or not _is_upright(scene):
+        return None
+    if any(turn.amount > 50 for turn in scene.turns):
+        return None
+    moves = [move for move in scene.moves if move.frames >= 8]
+    kinds = [_CLASS.get(move.kind, "") for move in moves]
+    stages = [kind for n, kind in enumerate(kinds) if n == 0 or kinds[n - 1] != kind]
+    if stages != _STAGES[action.kind] or any(move.direction == "place" for move in moves):
+        return None
+    gaits = [move for move in moves if move.kind != "stand"]
+    directions = {move.direction for move in gaits}
+    fast = all(move.amount > (1.4 if move.kind in ("jog", "run") else 0.4) for move in gaits)
+    if len(directions) != 1 or not fast or min(move.frames for move in gaits) < 10:
+        return None
+    return replace(action, direction=directions.pop())
+
+
+@checks("speed_up", "slow_down")
+def _paces(action: SingleAction, scene: Measured) -> SingleAction | None:
+    moves = scene.moves
+    if reportable_kinds(scene) - CALM - _GAITS:
+        return None
+    if not _is_upright(scene) or not _is_straight(scene, 40):
+        return None
+    if any(move.direction != "forward" for move in moves):
+        return None
+    gaits = {_CLASS[move.kind] for move in moves}
+    if gaits == {"walk"} and float(scene.signals.speed.max()) > 1.9:
+        return None
+    return replace(action, gait=gaits.pop(), direction="forward") if len(gaits) == 1 else None
+
+
+@checks("weave")
+def _weaves(action: SingleAction, scene: Measured) -> SingleAction | None:
+    if reportable_kinds(scene) - CALM - _GAITS - {"turn"} or not _is_upright(scene):
+        return None
+    left, ahead = scene.signals.velocity.T
+    moving = scene.signals.speed > 0.3
+    course = np.degrees(np.unwrap(scene.signals.heading + np.arctan2(left, ahead))[moving])
+    if moving.mean() < 0.85 or scene.path.length < 1.6 or abs(scene.path.turned) > 80:
+        return None
+    swings = sum(len(peaks(c - c.min(), 0, 25)) for c in (course, -course))
+    kinds = {move.kind for move in scene.moves if move.kind in _GAITS}
+    return action if swings >= 2 and kinds == {action.gait} else None
+
+
+@checks("steps")
+def _steps(action: SingleAction, scene: Measured) -> SingleAction | None:
+    if reportable_kinds(scene) - CALM - {"walk"} or scene.turns or not _is_upright(scene):
+        return None
+    distances = meters(scene)
+    direction = max(distances, key=lambda name: distances[name])
+    least = max(0.2 * action.count, 0.8 * sum(distances.values()))
+    if scene.steps != action.count or distances[direction] < least:
+        return None
+    return replace(action, direction=direction) if abs(scene.path.turned) <= 30 else None
+
+
+@checks("sneak")
+def _sneaks(action: SingleAction, scene: Measured) -> SingleAction | None:
+    low = stooped(scene.signals)
+    postures = {posture.kind for posture in scene.postures}
+    moves = [move for move in scene.moves if move.kind in _GAITS]
+    if low.mean() <= 0.8 or not postures <= {"stand", "crouch", "bend"}:
+        return None
+    if {move.kind for move in moves} != {"walk"} or scene.path.length < 0.6:
+        return None
+    allowed = CALM | {"walk", "turn", "stay_crouch", "stay_bend", "bow", "squat"}
+    if abs(scene.path.turned) > 60 or reportable_kinds(scene) - allowed:
+        return None
+    directions = {move.direction for move in moves}
+    shown = len(directions) == 1 and directions <= {"forward", "backward"}
+    return (
+        replace(action, direction=directions.pop()) if shown and not _spreads_arms(scene) else None
+    )
+
 
 # Meters per second at which a punching fist leaves its shoulder; gestures are slower.
 _PUNCH_SPEED = 2.1

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
 from latentmotion.data.instructions import Instruction, instructions

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.condition.interface import TextEncoder
+from latentmotion.condition import TextEncoder
 from latentmotion.data.dataset import Cropping, Dataset
 from latentmotion.diffusion.guidance import DistilledGuidance
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
@@ -17,7 +17,7 @@ from latentmotion.model.card import ModelCard, Provenance, find_model, lengths_f
 from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.motion import Motion
 from latentmotion.networks import checkpoint
-from latentmotion.networks.build import build
+from latentmotion.networks.checkpoint import build
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.interface import mean_of_real
 from latentmotion.pipeline import sampler_of
@@ -31,9 +31,8 @@ from latentmotion.training.distillation.data import (
 )
 from latentmotion.training.distillation.trajectories import nothing
 from latentmotion.training.distributed import DistributedContext
-from latentmotion.training.journal import Previews
 from latentmotion.training.loop import Stage, train
-from latentmotion.training.run_folder import MODEL, open_run, provenance_of
+from latentmotion.training.run_folder import MODEL, Previews, open_run, provenance_of
 
 
 class DistillStage(Stage[DenoiserNetwork]):

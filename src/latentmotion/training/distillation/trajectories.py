@@ -42,10 +42,10 @@ from latentmotion.diffusion.samplers import (
 )
 from latentmotion.diffusion.schedule import Schedule, StepCondition
 from latentmotion.errors import InputError
-from latentmotion.gpu.device import autocast
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import FewStepConfig, Sampling
 from latentmotion.networks.denoiser import DenoiserNetwork
+from latentmotion.networks.device import autocast
 from latentmotion.pipeline import sampler_of
 from latentmotion.storage.files import atomic_file
 from latentmotion.training.denoiser import FreshLatents, LatentCache

@@ -24,7 +24,7 @@ from tokenizers import Tokenizer
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.errors import DataError, InputError
-from latentmotion.gpu.device import autocast
+from latentmotion.networks.device import autocast
 from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
 from latentmotion.storage.files import atomic_folder
 from latentmotion.storage.reading import parse_json, read_json_file, read_text, unpack_xz

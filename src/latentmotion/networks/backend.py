@@ -14,17 +14,23 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from latentmotion.condition.interface import Conditioning, TextEncoder
+from latentmotion.condition import Conditioning, TextEncoder
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.backend import ON_CPU, Backend, ExecutionOptions, Padding
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.session import Session
 from latentmotion.errors import InputError, LatentMotionError, ModelError
-from latentmotion.gpu.device import GPU, FunctionRecorder, device_named, network_session, on_gpu
 from latentmotion.model import card as cards
 from latentmotion.model.card import ModelCard, find_model
 from latentmotion.networks.checkpoint import load_model, load_stages
 from latentmotion.networks.denoiser import DenoiserNetwork
+from latentmotion.networks.device import (
+    GPU,
+    FunctionRecorder,
+    device_named,
+    network_session,
+    on_gpu,
+)
 from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder, local_encoder
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import MAX_BATCH_SIZE, MotionPipeline

@@ -19,7 +19,7 @@ pytest.importorskip("mcp", reason='needs mcp: pip install "latentmotion[mcp]"')
 
 from mcp import Client, StdioServerParameters
 
-from latentmotion.protocols.mcp import facts, server
+from latentmotion.service.mcp import facts, server
 
 TOOLS = {"generate", "direct", "describe", "search", "retarget", "render"}
 PATH = {"prompt": "a person walks", "seconds": 4, "path": {"points": [[0, 0], [1, 3]]}}

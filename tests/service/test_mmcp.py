@@ -20,7 +20,7 @@ pytest.importorskip("motionmcp.server", reason='needs motionmcp: pip install "la
 import uvicorn
 from motionmcp import client
 
-from latentmotion.protocols.mmcp import application
+from latentmotion.service.mmcp import application
 
 WALK = {"type": "text", "prompt": "a person walks forward", "duration_frames": 80}
 FAST = {"seed": 1, "model_options": {"takes": 1}}

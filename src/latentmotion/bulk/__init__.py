@@ -1,1 +1,0 @@
-"""Bulk generation: motions of many prompts, in shards that any number of processes make."""

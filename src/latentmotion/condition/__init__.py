@@ -1,1 +1,0 @@
-"""Sentences, labels or nothing become tokens that steer the diffusion."""

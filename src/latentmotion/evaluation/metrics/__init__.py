@@ -1,1 +1,0 @@
-"""Metrics of evaluations, one file per subject."""

@@ -1,1 +1,0 @@
-"""Protocols of other programs: MMCP for animation tools, MCP for agents."""
