@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import sqlite3
 import sys
 from collections.abc import AsyncIterator, Sequence
@@ -79,7 +80,10 @@ def _routes(
 
     @asynccontextmanager
     async def lifespan(app: Any) -> AsyncIterator[None]:
+        # Takes half a second the first time: done before the page asks.
+        description = asyncio.create_task(asyncio.to_thread(models.described, offered))
         yield
+        await asyncio.gather(description, return_exceptions=True)
         library.close()
 
     router = APIRouter(lifespan=lifespan)

@@ -216,24 +216,30 @@ def routes(models: Models) -> APIRouter:
     @router.get("/models")
     def listed() -> ModelsAnswer:
         """List the models that takes can be made with, and what each can do."""
-        return ModelsAnswer(models=[offered(model) for model in models.all.values()])
+        return described(models)
 
     @router.post("/models")
     def loaded(choice: ModelChoice) -> OfferedModel:
         """Load a model, so that its first takes need not wait; another one leaves the memory."""
         model = models.named(choice.model)
         models.maker(model.name)
-        return offered(model)
-
-    def offered(model: StudioModel) -> OfferedModel:
-        return OfferedModel(
-            name=model.name,
-            weights=model.weights,
-            loaded=models.is_loaded(model),
-            capabilities=capabilities_of(models, model),
-        )
+        return _offered(models, model)
 
     return router
+
+
+def described(models: Models) -> ModelsAnswer:
+    """Returns what each model can do; the first time, weights are hashed and formats tried."""
+    return ModelsAnswer(models=[_offered(models, model) for model in models.all.values()])
+
+
+def _offered(models: Models, model: StudioModel) -> OfferedModel:
+    return OfferedModel(
+        name=model.name,
+        weights=model.weights,
+        loaded=models.is_loaded(model),
+        capabilities=capabilities_of(models, model),
+    )
 
 
 def capabilities_of(models: Models, model: StudioModel) -> Capabilities:

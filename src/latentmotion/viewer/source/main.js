@@ -6,8 +6,7 @@ import { listenToKeys } from "./keyboard.js";
 import { readMotions } from "./motion.js";
 import { Pace } from "./pace.js";
 import { Panel } from "./panel.js";
-import { Sketch } from "./sketch.js";
-import { Stage } from "./stage.js";
+import { openStage } from "./stage.js";
 import { Timeline } from "./timeline.js";
 
 const content = document.getElementById("motions").textContent;
@@ -19,10 +18,9 @@ const panel = new Panel(timeline, stage, motions, colors);
 
 function makeStage() {
   const canvas = document.getElementById("view");
-  const hasWebGL = document.createElement("canvas").getContext("webgl2") !== null;
   const { figure } = JSON.parse(content); // none: the drawn person
   const makers = figure?.skin ? skinned(figure) : motions.map(() => figure && stick);
-  return new (hasWebGL ? Stage : Sketch)(canvas, motions, colors, { makers });
+  return openStage(canvas, motions, colors, { makers });
 }
 
 // A notebook may lay its frames out late, a window may change: the view is chosen anew for each size,

@@ -1,11 +1,9 @@
 // The moving figures of the site and the studio: one stage, and one clock for all takes on it.
 
 import { Pace } from "./pace.js";
-import { Sketch } from "./sketch.js";
-import { Stage } from "./stage.js";
+import { openStage } from "./stage.js";
 import { Timeline } from "./timeline.js";
 
-const HAS_WEBGL = document.createElement("canvas").getContext("webgl2") !== null;
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 
@@ -49,7 +47,7 @@ export class Player {
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "img");
     this.place.replaceChildren(canvas);
-    this.stage = new (HAS_WEBGL ? Stage : Sketch)(canvas, takes, colors, options);
+    this.stage = openStage(canvas, takes, colors, options);
     this.stage.setDark(dark.matches);
     this.pace = new Pace(this.timeline, this.stage);
   }

@@ -8,6 +8,7 @@ import { Floor } from "./floor.js";
 import { bodyGeometry, isHuman } from "./mannequin.js";
 import { Marks } from "./marks.js";
 import { alongPath, lineUp, smoothPath } from "./motion.js";
+import { Sketch } from "./sketch.js";
 
 const EYE = new THREE.Vector3(0.34, 0.2, 1).normalize(); // from where the camera first looks
 const HEIGHT = 0.96; // of what it looks at, meters
@@ -18,7 +19,14 @@ const BESIDE = 0.6; // meters that a body reaches out to either side
 
 const geometries = new WeakMap(); // the resting skin of each skeleton, for all stages of a page
 
-export class Stage {
+/** Opens a stage on a canvas: three.js, or lines where WebGL is off. The other arguments are those of `show`. */
+export function openStage(canvas, ...shown) {
+  // Drawing in software, a browser takes most of a second for its first context: none is opened only to see if it can be.
+  const hasWebGL = canvas.getContext("webgl2", { antialias: true });
+  return new (hasWebGL ? Stage : Sketch)(canvas, ...shown);
+}
+
+class Stage {
   /** `options` are those of `show`. */
   constructor(canvas, motions, colors, options) {
     this.name = "webgl";

@@ -40,7 +40,11 @@ export class CharacterScreen {
   }
 
   async list() {
-    this.characters = (await get("characters")).characters;
+    this.offer((await get("characters")).characters);
+  }
+
+  offer(characters) {
+    this.characters = characters;
     const known = this.characters.map(({ id, name }) => [id, name]);
     fill(find("character-list"), known.length ? known : [["", "none yet"]], this.current?.id);
     fill(find("figure"), [...Object.entries(FIGURES), ...known], this.studio.figure);

@@ -1,5 +1,7 @@
 // The studio: screens around one stage and one clock; motions come from the server that sent the page.
 
+import { colorsOf } from "../colors.js";
+import { OWN, standing } from "../mannequin.js";
 import { Player } from "../player.js";
 import { SPEEDS } from "../timeline.js";
 import { get, NoSession, openSession } from "./api.js";
@@ -41,11 +43,13 @@ function fail(error) {
 }
 
 async function open() {
-  await openSession();
-  const [capabilities, { models }] = await Promise.all([get("capabilities"), get("models")]);
-  const studio = new Studio(capabilities, player);
   document.body.dataset.takes = "0";
-  await studio.stand();
+  const asked = openSession().then(() => Promise.all(["capabilities", "models", "characters"].map(get)));
+  const stand = () => player.stage ?? player.show([standing(OWN)], colorsOf([null]), { play: true });
+  requestAnimationFrame(() => requestAnimationFrame(stand)); // after the page's first picture, while the server answers
+  const [capabilities, { models }, { characters }] = await asked;
+  stand();
+  const studio = new Studio(capabilities, player);
   const screens = {};
   const restage = (stay) => trying(() => stageOf(studio, screens, stay));
   new Models(studio, models);
@@ -77,7 +81,7 @@ async function open() {
   fold();
   about(studio.capabilities);
   studio.addEventListener("capabilities", () => about(studio.capabilities));
-  await screens.character.list();
+  screens.character.offer(characters);
   await restoreWork(studio);
   keepWork(studio, screens.make);
   await enter();

@@ -12,15 +12,13 @@ const APART = 1.02; // meters
 const TALL = 2.15; // meters that the picture is high
 const TURNED = 0.6; // radians from the front, so that arms and legs are seen apart
 
-const HAS_WEBGL = document.createElement("canvas").getContext("webgl2") !== null;
-
-let drawing = null; // renderer, camera and scene, shared by all pictures
+let drawing = null; // renderer, camera and scene, shared by all pictures; false where WebGL is off
 const geometries = new WeakMap();
 
 /** Draws a motion's moments, or, where `time` is given, that one; returns a canvas's content. */
 export function draw(motion, time = null) {
-  if (!HAS_WEBGL) return sketched(motion, time);
   drawing ??= open();
+  if (!drawing) return sketched(motion, time);
   const { renderer, camera, scene, stand } = drawing;
   const { skeleton, seconds } = motion;
   if (!geometries.has(skeleton) && isHuman(skeleton)) geometries.set(skeleton, bodyGeometry(skeleton));
@@ -84,7 +82,9 @@ function facing(motion) {
 }
 
 function open() {
-  const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+  const canvas = document.createElement("canvas");
+  if (!canvas.getContext("webgl2", { antialias: true })) return false;
+  const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
   renderer.setSize(WIDTH, HEIGHT, false);
   renderer.toneMapping = THREE.NeutralToneMapping;
   const wide = (TALL * WIDTH) / HEIGHT;

@@ -2,16 +2,13 @@
 // stage the nearer figure would be the larger one. The canvases go when the next pair comes.
 
 import { Pace } from "../pace.js";
-import { Sketch } from "../sketch.js";
-import { Stage } from "../stage.js";
+import { openStage } from "../stage.js";
 import { Timeline } from "../timeline.js";
 
 const SIDES = [
   { label: "Left figure", color: "#2f8f9d" },
   { label: "Right figure", color: "#e2694a" },
 ];
-
-const HAS_WEBGL = document.createElement("canvas").getContext("webgl2") !== null;
 
 export class Scene {
   /** `margins` returns the pixels that lie under what is below and above. */
@@ -20,8 +17,7 @@ export class Scene {
     this.timeline = new Timeline(Math.max(...motions.map(({ seconds }) => seconds)));
     const canvases = SIDES.map(({ label }) => canvasNamed(label));
     place.replaceChildren(...canvases);
-    const Kind = HAS_WEBGL ? Stage : Sketch;
-    this.stages = motions.map((motion, i) => new Kind(canvases[i], [motion], [SIDES[i].color]));
+    this.stages = motions.map((motion, i) => openStage(canvases[i], [motion], [SIDES[i].color]));
     this.paces = this.stages.map((stage) => new Pace(this.timeline, stage));
     this.timeline.addEventListener("time", () => this.#showTime());
     this.#showTime();
