@@ -14,8 +14,9 @@ from latentmotion.formats.gltf_document import Document
 from latentmotion.motion import Motion
 from latentmotion.render.mannequin import make_mannequin
 from latentmotion.retarget import read_rig, retarget
-from latentmotion.retarget.surface import CharacterFigure, surface_of
-from tests.support.walker import walker
+from latentmotion.retarget.surface import surface_of
+from latentmotion.retarget.transfer import CharacterFigure
+from tests.support.walker import t_pose, walker
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +86,34 @@ def test_bones_alone_and_damage_are_told(motion: Motion, own: Path, tmp_path: Pa
         document.write(tmp_path / f"{number}.glb")
         with pytest.raises((FileFormatError, InputError)):
             surface_of(read_rig(tmp_path / f"{number}.glb"))
+
+
+@pytest.mark.parametrize("name", sorted(RIGS))
+def test_who_kneels_has_the_surface_on_the_floor(tmp_path: Path, name: str):
+    pose = t_pose().skeleton.rest_joints()
+    at = dict(zip(t_pose().skeleton.names, range(len(pose)), strict=True))
+    legs = [at[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")]
+    knees = [at["left_knee"], at["right_knee"]]
+    shank = pose[knees, 1].mean() - pose[[legs[0], legs[2]], 1].mean()
+    for side in ("left", "right"):
+        pose[at[f"{side}_ankle"]] = pose[at[f"{side}_knee"]] - (0, 0, shank)
+        pose[at[f"{side}_foot"]] = pose[at[f"{side}_ankle"]] - (0, 0, 0.13)
+    pose[:, 1] -= pose[:, 1].min()  # joints of knees, ankles and toes are at the floor's height
+    kneeling = Motion(np.repeat(pose[None], 8, axis=0).astype("f4"))
+    rig = read_rig(write_rig(tmp_path / "a.glb", RIGS[name]))
+    skin, animation = CharacterFigure(rig)(kneeling)
+    lowest = skin.pose(animation)[0][..., 1].min(axis=1)
+    assert lowest.min() > -0.003 and lowest.max() < 0.02
+    raised = animation.joints()[0, rig.body.joints["left_knee"], 1]
+    assert raised > 0.01  # the joint is inside the knee
+
+
+def test_hair_and_capes_do_not_lift_a_body(motion: Motion, tmp_path: Path):
+    document = Document.read(write_rig(tmp_path / "a.glb", RIGS["mixamo"]))
+    nodes = document.json["nodes"]
+    head = next(n for n, node in enumerate(nodes) if node["name"].endswith("Spine"))
+    nodes[head].setdefault("children", []).append(len(nodes))
+    nodes.append({"name": "cape", "mesh": 0, "translation": [0, -150, -150]})
+    document.write(tmp_path / "cape.glb")
+    plain, caped = (retarget(motion, read_rig(tmp_path / f"{n}.glb")) for n in ("a", "cape"))
+    np.testing.assert_allclose(caped.joints(), plain.joints(), atol=0.01)

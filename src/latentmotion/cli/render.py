@@ -19,7 +19,7 @@ from latentmotion.motion import Motion
 from latentmotion.render import Style, View
 from latentmotion.render.mannequin import Figure, mannequin_of, sticks_of
 from latentmotion.retarget.rig import read_rig
-from latentmotion.retarget.surface import CharacterFigure
+from latentmotion.retarget.transfer import CharacterFigure
 from latentmotion.storage.files import check_writable
 from latentmotion.viewer import page
 

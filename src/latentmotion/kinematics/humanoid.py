@@ -356,10 +356,11 @@ def fingers_below(body: Humanoid, wrist: str) -> dict[str, list[int]]:
     Bones of the palm, and an exporter's end bones, are left out: programs differ in these.
     """
     skeleton, fingers = body.skeleton, {}
+    carriers = set(skeleton.parents)
     for joint, name in enumerate(skeleton.names):
         word = next((word for word in _FINGERS if word in name.lower()), None)
         palm = "metacarpal" in name.lower() or "palm" in name.lower()
-        tip = joint in skeleton.end_sites or not skeleton.children(joint)
+        tip = joint in skeleton.end_sites or joint not in carriers
         if word and not palm and not tip and body.joints[wrist] in body.lines[joint][1:]:
             fingers.setdefault(_FINGERS[word], []).append(joint)
     return fingers

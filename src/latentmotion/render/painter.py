@@ -211,7 +211,7 @@ def make_bodies(
         translations=None if translations is None else translations[chosen],
     )
     vertices, normals = mannequin.pose(picked)
-    joints = picked.joints()
+    joints = picked.joints()[:, np.unique(mannequin.joints[mannequin.weights > 0])]
     if animation.skeleton.names == names:
         joints = motion.joints[chosen].astype(np.float64)
     return Bodies(vertices, normals, mannequin.triangles, mannequin.shell, joints)

@@ -13,6 +13,7 @@ floor. Hip and knee bend for the ankle to be there (`cleanup/leg_ik.py`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -28,6 +29,7 @@ from latentmotion.kinematics.rotations import (
     matrix_from_axis_angle,
     quaternion_from_matrix,
 )
+from latentmotion.retarget.flesh import Flesh, flesh_of
 from latentmotion.retarget.rig import Rig, RigPose, Rotations, SourceCharacter
 
 Points = Float[np.ndarray, "frames 3"]
@@ -52,6 +54,14 @@ _SWING_HEIGHT = (0.05, 0.2)
 
 _MOST_TOE_BEND = np.radians(70)
 
+# Rounds in which body and feet are lifted from the floor, and the depth, as a share of the leg's
+# length, that needs none.
+_ROUNDS, _CLOSE = 4, 0.002
+
+# Heights of the hips, in legs, below which a body sits or lies on the floor and above which it does
+# not.
+_LYING = (0.3, 0.45)
+
 # A foot that turns farther than this while it stands keeps its own heading.
 _MOST_HELD = np.radians(40)
 
@@ -73,16 +83,54 @@ def ground_feet(pose: RigPose, source: SourceCharacter) -> RigPose:
         drop = np.maximum(drop, -line[:, 1] - height)
     drop = np.clip(drop, 0, _LOWER * pose.rig.leg)
     drop = upper_envelope(drop, max(1, round(0.1 * source.fps)))
-    pose = pose.moved({}, pose.hips - drop[:, None] * (0, 1, 0))
+    pose = _with_ankles(pose.moved({}, pose.hips - drop[:, None] * (0, 1, 0)), goals)
+    flesh = flesh_of(pose.rig)
+    return pose if flesh is None else _above_floor(pose, source, goals, flesh)
+
+
+def _with_ankles(pose: RigPose, goals: Mapping[str, Points]) -> RigPose:
+    """Returns the pose with hips and knees bent so that ankles are at their goals."""
     legs: dict[int, Rotations] = {}
     body = pose.rig.body
-    for side, goal in goals.items():  # hip and knee bend so that the ankle is at its goal
+    for side, goal in goals.items():
         hip, knee, ankle = (pose.position(f"{side}_{joint}") for joint in ("hip", "knee", "ankle"))
         new_knee, new_ankle = reach(hip, knee, ankle, goal, pose.world[:, body.pelvis, :, 2])
         upper, lower = body.joints[f"{side}_hip"], body.joints[f"{side}_knee"]
         legs[upper] = matrix_between(knee - hip, new_knee - hip) @ pose.world[:, upper]
         legs[lower] = matrix_between(ankle - knee, new_ankle - new_knee) @ pose.world[:, lower]
     return pose.moved(legs)
+
+
+def _above_floor(
+    pose: RigPose, source: SourceCharacter, goals: Mapping[str, Points], flesh: Flesh
+) -> RigPose:
+    """Returns the pose with its surface on the floor or above it.
+
+    Feet are lifted by their legs, all else by the whole body. Below the floor is only what the
+    source's joints are below it. A body that sits or lies on the floor comes down onto it.
+    """
+    floor = np.minimum(0, pose.rig.leg / source.leg * source.joints[..., 1].min(axis=1))
+    floor = (floor + flesh.sole)[:, None]
+    hips = np.mean([source.position(f"{side}_hip")[:, 1] for side in SIDES], axis=0)
+    low = 1 - ramp(hips / source.leg, *_LYING)
+    reached, up = max(1, round(0.1 * source.fps)), np.array([0.0, 1.0, 0.0])
+    for _ in range(_ROUNDS):
+        above = flesh.heights(pose) - floor
+        body, *soles = (
+            np.maximum(0, -above[:, flesh.part == part].min(axis=1, initial=np.inf))
+            for part in ("body", *(f"{side}_foot" for side in SIDES))
+        )
+        feet = dict(zip(SIDES, soles, strict=True))
+        hover = low * np.maximum(0, above.min(axis=1))
+        if max(x.max() for x in (body, hover, *feet.values())) < _CLOSE * pose.rig.leg:
+            break
+        goals = {
+            side: goals[side] + upper_envelope(foot, reached)[:, None] * up
+            for side, foot in feet.items()
+        }
+        lift = upper_envelope(body, reached) + upper_envelope(-hover, reached)
+        pose = _with_ankles(pose.moved({}, pose.hips + lift[:, None] * up), goals)
+    return pose.moved({}, pose.hips - flesh.sole * up)
 
 
 def align_foot(rig: Rig, source: SourceCharacter, side: str) -> Float[np.ndarray, "3 3"]:

@@ -7,7 +7,8 @@ stays as it was retargeted, at the scale of the legs. Hands below the floor are 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from latentmotion.kinematics.rotations import (
     slerp,
 )
 from latentmotion.representation.canonical import turn
+from latentmotion.retarget.flesh import Flesh, flesh_of
 from latentmotion.retarget.rig import Rig, RigPose, SourceCharacter
 
 Points = Float[np.ndarray, "frames 3"]
@@ -59,16 +61,35 @@ def place_hands(
     # A hand whose place counts from another joint comes after that one.
     for goal in sorted(hands, key=lambda goal: "relative_to" in goal):
         pose = _at_goal(pose, goal, source.fps)
-    scale = pose.rig.leg / source.leg
+    scale, flesh = pose.rig.leg / source.leg, flesh_of(pose.rig)
+    floor = np.minimum(0, scale * source.joints[..., 1].min(axis=1))
     for side in SIDES:
         tips = f"{side}_fingertips"
         lowest = np.minimum(0, scale * _source_point(source, tips)[:, 1])
-        for _ in range(2):  # the hand turns with its forearm
-            need = np.maximum(0, lowest - point_of(pose, tips)[:, 1])
-            lift = upper_envelope(need, max(1, round(0.1 * source.fps)))
-            pose = _bent(pose, tips, lift[:, None] * np.array([0.0, 1.0, 0.0]))
+        pose = _lifted(pose, side, source.fps, partial(_tips_above, lowest, tips))
         pose = _flat_on_floor(pose, side, source.fps)
+        if flesh is not None and f"{side}_hand" in flesh.part:
+            pose = _lifted(pose, side, source.fps, partial(_hand_above, floor, flesh, side))
     return pose
+
+
+Heights = Float[np.ndarray, " frames"]
+
+
+def _lifted(pose: RigPose, side: str, fps: float, above: Callable[[RigPose], Heights]) -> RigPose:
+    """Returns the pose with a hand lifted by its arm where it is below what it may be."""
+    for _ in range(2):  # the hand turns with its forearm
+        lift = upper_envelope(np.maximum(0, -above(pose)), max(1, round(0.1 * fps)))
+        pose = _bent(pose, f"{side}_fingertips", lift[:, None] * np.array([0.0, 1.0, 0.0]))
+    return pose
+
+
+def _tips_above(lowest: Heights, tips: str, pose: RigPose) -> Heights:
+    return point_of(pose, tips)[:, 1] - lowest
+
+
+def _hand_above(floor: Heights, flesh: Flesh, side: str, pose: RigPose) -> Heights:
+    return flesh.heights(pose)[:, flesh.part == f"{side}_hand"].min(axis=1) - floor
 
 
 def _flat_on_floor(pose: RigPose, side: str, fps: float) -> RigPose:

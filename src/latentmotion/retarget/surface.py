@@ -9,34 +9,12 @@ from jaxtyping import Float, Int
 
 from latentmotion.errors import InputError
 from latentmotion.formats.gltf_reader import damage
-from latentmotion.kinematics.skeleton import Animation
-from latentmotion.motion import Motion
 from latentmotion.render.mannequin import Mannequin
 from latentmotion.retarget.rig import Rig
 from latentmotion.retarget.rig_files import GltfFile
-from latentmotion.retarget.transfer import retarget
 
 # Mode of glTF's primitives that are lists of triangles.
 _TRIANGLES = 4
-
-
-class CharacterFigure:
-    """A `Figure` of a character: its surface and the motion on its bones.
-
-    Args:
-        rig: The character.
-
-    Raises:
-        FileFormatError: The file is damaged.
-        InputError: The character has no surface.
-    """
-
-    def __init__(self, rig: Rig) -> None:
-        self._rig, self._skin = rig, surface_of(rig)
-
-    def __call__(self, motion: Motion) -> tuple[Mannequin, Animation]:
-        """Returns the surface and the motion on the rig."""
-        return self._skin, retarget(motion, self._rig)
 
 
 def surface_of(rig: Rig) -> Mannequin:

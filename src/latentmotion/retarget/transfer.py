@@ -50,10 +50,12 @@ from latentmotion.kinematics.skeleton import Animation, posed
 from latentmotion.kinematics.standing import RestPose, facing_at_rest
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
+from latentmotion.render.mannequin import Mannequin
 from latentmotion.retarget.feet import align_foot, ground_feet
 from latentmotion.retarget.hands import place_hands
 from latentmotion.retarget.rig import Rig, RigPose, Rotations, SourceCharacter
 from latentmotion.retarget.rig_files import RigTake
+from latentmotion.retarget.surface import surface_of
 
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
 
@@ -103,6 +105,25 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
     pose = RigPose(rig, rotations, scale * hips + (0, rest - standing, 0))
     goals = source.metadata.get("goals", ()) if isinstance(source, Motion) else ()
     return place_hands(ground_feet(pose, character), character, goals).animation(character.fps)
+
+
+class CharacterFigure:
+    """A `Figure` of a character: its surface and the motion on its bones.
+
+    Args:
+        rig: The character.
+
+    Raises:
+        FileFormatError: The file is damaged.
+        InputError: The character has no surface.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig, self._skin = rig, surface_of(rig)
+
+    def __call__(self, motion: Motion) -> tuple[Mannequin, Animation]:
+        """Returns the surface and the motion on the rig."""
+        return self._skin, retarget(motion, self._rig)
 
 
 def _is_own(source: SourceCharacter, rig: Rig) -> bool:

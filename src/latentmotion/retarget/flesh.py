@@ -1,0 +1,148 @@
+"""Flesh: the points of a character's surface with which it stands, kneels, sits and lies.
+
+Joints are inside the body: a knee on the floor has its joint a hand's breadth above it. Of each
+part of the body, the points that lie farthest out in any direction are kept, so that the lowest of
+them in a frame is the lowest of the surface, at a hundredth of its cost. Hair, capes, skirts and
+weapons hang far from the bone that carries them; they touch floors without harm and are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float, Int, Shaped
+
+from latentmotion.errors import LatentMotionError
+from latentmotion.kinematics.bone_names import SIDES
+from latentmotion.kinematics.humanoid import Humanoid
+from latentmotion.retarget.rig import Rig, RigPose
+from latentmotion.retarget.surface import surface_of
+
+# Distances from the bone's line beyond which a vertex is cloth or a weapon, as shares of a leg, or
+# of what the leg of a person as tall would be; half as much again for figures whose vertices are
+# mostly that far away. Feet and heads have none.
+_LIMITS = {
+    "thigh": 0.2,
+    "shank": 0.2,
+    "trunk": 0.35,
+    "hand": 0.25,
+    "foot": np.inf,
+    "head": np.inf,
+}
+_STOUT, _HEIGHT = 1.5, 0.55
+
+# Directions in which the farthest points of each part are kept.
+_DIRECTIONS = 48
+
+
+@dataclass(frozen=True, eq=False)
+class Flesh:
+    """Points of a surface, each carried by up to four joints."""
+
+    places: Float[np.ndarray, "points 4 3"]
+    """Positions away from each of its joints at rest."""
+    joints: Int[np.ndarray, "points 4"]
+    """The joints that carry a point."""
+    weights: Float[np.ndarray, "points 4"]
+    """The share of each; the sum is 1."""
+    part: Shaped[np.ndarray, " points"]
+    """The part of each: `left_foot`, `right_foot`, `left_hand`, `right_hand` or `body`."""
+    sole: float
+    """Height of the soles at rest above the floor of the rig, meters."""
+
+    def heights(self, pose: RigPose) -> Float[np.ndarray, "frames points"]:
+        """Returns the heights of all points, by linear blend skinning."""
+        up = np.einsum("fvkb,vkb->fvk", pose.world[:, self.joints, 1], self.places)
+        return ((up + pose.joints[:, self.joints, 1]) * self.weights).sum(axis=-1)
+
+
+@lru_cache(maxsize=4)
+def flesh_of(rig: Rig) -> Flesh | None:
+    """Returns the points of a rig's surface; None for a file of bones alone."""
+    try:
+        surface = surface_of(rig)
+    except LatentMotionError:  # its bones move all the same
+        return None
+    body, rest = rig.body, rig.skeleton.rest_joints()
+    carrier = surface.joints[np.arange(len(surface.joints)), surface.weights.argmax(axis=-1)]
+    head = body.joints.get("head", body.chest)
+    size = max(rig.leg, _HEIGHT * float(rest[head, 1] + rig.root[1]))
+    chosen, parts = [], []
+    for name, bones, line in _parts(body):
+        vertices = np.flatnonzero(np.isin(carrier, list(bones)))
+        away = _distance(surface.vertices[vertices], *rest[list(line)])
+        limit = _LIMITS[name.rpartition("_")[2]] * size
+        if len(vertices):
+            limit = max(limit, _STOUT * min(limit, float(np.median(away))))
+        vertices = vertices[away <= limit]
+        if len(vertices):
+            far = (surface.vertices[vertices] @ _sphere(_DIRECTIONS).T).argmax(axis=0)
+            far = vertices[np.unique(far)]
+            chosen.append(far)
+            part = np.full(len(far), name if name.endswith(("_foot", "_hand")) else "body")
+            if name.endswith("_shank"):  # its half toward the ankle goes where the foot goes
+                knee, ankle = (surface.vertices[far] - rest[joint] for joint in line)
+                lower = (ankle**2).sum(axis=-1) < (knee**2).sum(axis=-1)
+                part = np.where(lower, name.replace("shank", "foot"), "body")
+            parts.append(part)
+    if not chosen:
+        return None
+    points, part = np.concatenate(chosen), np.concatenate(parts)
+    heights = surface.vertices[points, 1] + rig.root[1]
+    sole = float(heights[np.char.endswith(part, "_foot")].min(initial=np.inf))
+    return Flesh(
+        places=surface.vertices[points, None] - rest[surface.joints[points]],
+        joints=surface.joints[points],
+        weights=surface.weights[points],
+        part=part,
+        sole=sole if abs(sole) < _SOLE * rig.leg else 0.0,
+    )
+
+
+# Share of the leg's length beyond which soles that are off the rig's floor are not its soles.
+_SOLE = 0.15
+
+
+def _parts(body: Humanoid) -> Iterator[tuple[str, set[int], tuple[int, int]]]:
+    """Yields parts of the body, the bones that carry them, and both ends of their lines."""
+    joints, torso = body.joints, [body.pelvis, *body.spine]
+    named = {*torso, *body.neck, *joints.values()}
+    carried: dict[int, set[int]] = {joint: set() for joint in named}
+    for joint, line in enumerate(body.lines):  # bones without a name go with the next one above
+        above = next((other for other in line if other in named), None)
+        if above is not None:
+            carried[above].add(joint)
+    for joint, end in zip(torso, [*torso[1:], (body.neck or torso)[-1]], strict=True):
+        yield "trunk", carried[joint], (joint, end)
+    for joint in {*body.neck, joints.get("head", body.chest)} - {body.chest}:
+        yield "head", {joint}, (joint, joint)
+    for side in SIDES:
+        leg = [joints[f"{side}_{name}"] for name in ("hip", "knee", "ankle")]
+        for part, (start, end) in zip(("thigh", "shank"), pairwise(leg), strict=True):
+            yield f"{side}_{part}", carried[start], (start, end)
+        for part, joint in (("foot", leg[-1]), ("hand", joints[f"{side}_wrist"])):
+            bones = {bone for bone, line in enumerate(body.lines) if joint in line}
+            yield f"{side}_{part}", bones, (joint, joint)
+
+
+def _distance(
+    points: Float[np.ndarray, "points 3"],
+    start: Float[np.ndarray, " 3"],
+    end: Float[np.ndarray, " 3"],
+) -> Float[np.ndarray, " points"]:
+    """Returns how far points are from a line that ends at both ends."""
+    line = end - start
+    share = (points - start) @ line / max(float(line @ line), 1e-12)
+    nearest = start + np.clip(share, 0, 1)[:, None] * line
+    return np.linalg.norm(points - nearest, axis=-1)
+
+
+def _sphere(count: int) -> Float[np.ndarray, "count 3"]:
+    """Returns directions spread evenly, on a spiral."""
+    height = (np.arange(count) + 0.5) / count * 2 - 1
+    angle, radius = np.arange(count) * np.pi * (3 - 5**0.5), np.sqrt(1 - height**2)
+    return np.stack([radius * np.cos(angle), height, radius * np.sin(angle)], axis=-1)
