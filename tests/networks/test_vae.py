@@ -13,6 +13,7 @@ from latentmotion.errors import InputError
 from latentmotion.model.config import (
     ConvolutionalVAEConfig,
     IdentityVAEConfig,
+    QuantizedVAEConfig,
     QuarterRateDecoder,
     TransformerConfig,
     TransformerVAEConfig,
@@ -48,6 +49,7 @@ CONFIGS = {
     "quarter rate": ConvolutionalVAEConfig(
         FEATURES, width=24, channels=6, decoder=QuarterRateDecoder((3, 1))
     ),
+    "quantized": QuantizedVAEConfig(FEATURES, width=24, channels=6, codes=9, codebooks=3),
     "identity": IdentityVAEConfig(FEATURES),
     "vposer-t": VPoserTConfig(FEATURES, frames=44, hidden=24, width=12),
 }

@@ -28,6 +28,7 @@ from latentmotion.model.config import (
     DenoiserConfig,
     IdentityVAEConfig,
     PositionKind,
+    QuantizedVAEConfig,
     Sampling,
     TransformerConfig,
     TransformerVAEConfig,
@@ -179,7 +180,7 @@ def loaded(
 
 def model_card(
     path: Path,
-    vae: TransformerVAEConfig | IdentityVAEConfig,
+    vae: TransformerVAEConfig | IdentityVAEConfig | QuantizedVAEConfig,
     denoiser: DenoiserConfig | None,
     origin: Origin,
 ) -> ModelCard:

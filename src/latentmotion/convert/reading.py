@@ -72,7 +72,8 @@ _MOST_SHARED = 8
 def read_checkpoint(path: str | Path) -> dict[str, Tensor]:
     """Returns the tensors of a Lightning file's `state_dict`, or of a plain dictionary of tensors.
 
-    MDM's newer files hold `model_avg`, the average of the weights, beside `model`.
+    MDM's newer files hold `model_avg`, the average of the weights, beside `model`; MoMask's hold
+    `vq_model`, and the older ones `net`.
 
     Raises:
         ModelError: The file is missing, damaged, of another kind, or holds code.
@@ -80,7 +81,8 @@ def read_checkpoint(path: str | Path) -> dict[str, Tensor]:
     content = read_content(Path(path))
     states = [content]
     if isinstance(content, Mapping):
-        states = [content[key] for key in ("state_dict", "model_avg", "model") if key in content]
+        keys = ("state_dict", "model_avg", "model", "vq_model", "net")
+        states = [content[key] for key in keys if key in content]
     tensors = tensors_of((states or [content])[0])
     if not tensors:
         raise ModelError(f"{path}: no state_dict of tensors inside; is it an MLD checkpoint?")

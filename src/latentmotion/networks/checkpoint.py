@@ -33,6 +33,7 @@ from latentmotion.model.config import (
     DenoiserConfig,
     IdentityVAEConfig,
     PluginVAEConfig,
+    QuantizedVAEConfig,
     TransformerVAEConfig,
     VAEConfig,
     VPoserTConfig,
@@ -40,6 +41,7 @@ from latentmotion.model.config import (
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.convolutional import ConvolutionalVAE
 from latentmotion.networks.vae.interface import MotionVAE
+from latentmotion.networks.vae.quantized import QuantizedVAE
 from latentmotion.networks.vae.transformer import IdentityVAE, TransformerVAE, VPoserT
 from latentmotion.storage.configuration import part_named
 from latentmotion.storage.files import atomic_folder
@@ -299,6 +301,8 @@ def build(config: DenoiserConfig | VAEConfig) -> DenoiserNetwork | MotionVAE:
             return TransformerVAE.of(config)
         case ConvolutionalVAEConfig():
             return ConvolutionalVAE.of(config)
+        case QuantizedVAEConfig():
+            return QuantizedVAE.of(config)
         case VPoserTConfig():
             return VPoserT(config)
         case IdentityVAEConfig():

@@ -70,15 +70,18 @@ class ResidualBlock(nn.Module):
 
     rate_change = 0
 
-    def __init__(self, width: int, dilation: int) -> None:
+    def __init__(
+        self, width: int, dilation: int, activation: Callable[[Tensor], Tensor] = F.silu
+    ) -> None:
         super().__init__()
+        self.activation = activation
         self.dilated = nn.Conv1d(width, width, 3, padding=dilation, dilation=dilation)
         self.pointwise = nn.Conv1d(width, width, 1)
         nn.init.zeros_(self.pointwise.weight)
 
     def forward(self, x: Tensor, row: Tensor) -> Tensor:
-        """Returns the same shape; SiLU of zero is zero, so only the bias needs masking."""
-        return x + self.pointwise(F.silu(self.dilated(F.silu(x)))) * row
+        """Returns the same shape; what is zero stays so, so only the bias needs masking."""
+        return x + self.pointwise(self.activation(self.dilated(self.activation(x)))) * row
 
 
 class Halve(nn.Module):
@@ -190,11 +193,17 @@ class ConvolutionalVAE(MotionVAE):
         mask: Bool[Tensor, "batch frames"],
     ) -> Posterior:
         """Returns the distribution of ceil(frames / 4) latent tokens."""
+        mean, logvar = self.encoded(features, mask).chunk(2, dim=-1)
+        return Posterior(mean, logvar.clamp(max=MAX_LOGVAR))
+
+    def encoded(
+        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
+    ) -> Float[Tensor, "batch tokens channels"]:
+        """Returns what the encoder's last layer makes of ceil(frames / 4) tokens."""
         masks = pyramid(mask)
         padding = masks[0].shape[1] - mask.shape[1]
         x = F.pad(features, (0, 0, 0, padding)).transpose(1, 2) * as_row(masks[0])
-        mean, logvar = self.encoder(x, masks).transpose(1, 2).chunk(2, dim=-1)
-        return Posterior(mean, logvar.clamp(max=MAX_LOGVAR))
+        return self.encoder(x, masks).transpose(1, 2)
 
     def decode(
         self,
