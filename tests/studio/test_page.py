@@ -188,6 +188,14 @@ def test_the_best_take_is_marked_with_the_reason(page):
     assert page.locator("#picks .best").count() == 1
 
 
+def test_what_the_model_does_not_know_is_said_while_a_prompt_is_typed(page):
+    page.fill("#prompt", "a person knits a scarf")
+    page.wait_for_selector("#notice:has-text('scarf')")
+    assert page.locator("#nearest button").count() == 1
+    page.fill("#prompt", "a person walks forward")
+    page.wait_for_selector("#notice", state="hidden")
+
+
 def test_alone_hides_the_others(page):
     shown = "player.stage.figures.map(({ object }) => object.visible)"
     page.keyboard.press("2")

@@ -236,7 +236,16 @@ class EditsAnswer(AnswerModel):
     mirrored: bool
 
 
-class TakeAnswer(AnswerModel):
+class ReadingAnswer(AnswerModel):
+    """What a model does not know of a prompt; said before a take is made, and once when it is."""
+
+    notice: str = ""
+    """Words that it does not know, or reads otherwise."""
+    nearest: list[str] = Field(default_factory=list)
+    """Captions near the prompt that it learned, where it does not know the prompt."""
+
+
+class TakeAnswer(ReadingAnswer):
     """A take."""
 
     id: str
@@ -262,10 +271,6 @@ class TakeAnswer(AnswerModel):
     edits: EditsAnswer
     goals: list[dict[str, Any]] | None
     """Each goal, and how far the motion was from it before and after clean-up, centimeters."""
-    notice: str = ""
-    """Words of the prompt that the model does not know; sent when the take is made."""
-    nearest: list[str] = Field(default_factory=list)
-    """Captions near the prompt that the model learned, where it does not know the prompt."""
 
 
 class TakesAnswer(AnswerModel):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -33,6 +34,7 @@ from latentmotion.studio.schemas import (
     FileName,
     Id,
     ListAnswer,
+    ReadingAnswer,
     TakeAnswer,
     TakeChanges,
     TakesAnswer,
@@ -57,12 +59,16 @@ def recipe_routes(service: Service, library: Library, models: Models) -> APIRout
         work = partial(maker.made, body.recipe, body.takes)
         motions = await unless_gone(request, service.called(work, service.settings.deadline))
         takes = await run_in_threadpool(library.add, motions)
-        metadata = motions[0][0].metadata
-        notice = {
-            "notice": "; ".join(metadata.get("notes", ())),
-            "nearest": metadata.get("nearest", []),
-        }
+        notice = _notice(motions[0][0].metadata)
         return {"takes": [take.about() | notice for take in takes]}
+
+    @router.get("/reading", response_model=ReadingAnswer)
+    def reading(
+        prompt: Annotated[str, Query(max_length=500)], model: Annotated[str, Query()] = ""
+    ) -> Any:
+        """Say what a model does not know of a prompt, while it is typed."""
+        service.check_ready()
+        return _notice(models.maker(model or None).pipeline.read(prompt).about())
 
     @router.post("/takes/{name}/again", response_model=AgainAnswer)
     async def again(request: Request, name: Id) -> Any:
@@ -76,6 +82,10 @@ def recipe_routes(service: Service, library: Library, models: Models) -> APIRout
         return {"equal": equal, "restored": back}
 
     return router
+
+
+def _notice(about: Mapping[str, Any]) -> dict[str, Any]:
+    return {"notice": "; ".join(about.get("notes", ())), "nearest": about.get("nearest", [])}
 
 
 def routes(library: Library) -> APIRouter:

@@ -83,8 +83,8 @@ export class Compare {
 
   #show() {
     const options = this.known.map((take) => {
-      const seed = take.recipe.seed === undefined ? "" : `, seed ${take.recipe.seed}`;
-      return [take.id, `${take.title}${seed}`];
+      const { seed } = take.recipe; // first, since the end of a long title is cut
+      return [take.id, seed === undefined ? take.title : `Seed ${seed}: ${take.title}`];
     });
     const listed = options.length ? options : [["", "no takes yet"]];
     fill(find("take-a"), listed, this.pair[0]?.id);

@@ -58,6 +58,11 @@ export class FloorHand {
     add(0, LEAST_PLAN / 2);
     path.forEach(({ x, z }) => add(x, z));
     goals.forEach(({ to: [x, , z] }) => add(x, z));
+    // With a tool the plan is of what is asked, and has room beside it.
+    for (const take of this.tool ? [] : stage.takes) {
+      const [beside, ahead] = stage.offsets[take];
+      stage.paths[take].forEach(([x, z]) => box.expandByPoint(new THREE.Vector2(x + beside, z + ahead)));
+    }
     const [center, size] = [box.getCenter(new THREE.Vector2()), box.getSize(new THREE.Vector2())];
     const half = Math.tan((stage.camera.fov * Math.PI) / 360);
     const tall = Math.max(size.y + 2 * ROOM, LEAST_PLAN, (size.x + 2 * ROOM) / stage.camera.aspect);

@@ -22,11 +22,18 @@ const NAMES = { make: "Make", library: "Library", character: "Character", compar
 const FLICK = 350; // milliseconds that a flick takes at most
 const isPhone = matchMedia("(max-width: 820px)");
 
-const player = new Player(find("view"), () => ({ above: 44, below: document.body.dataset.takes === "0" ? find("examples").offsetHeight + 24 : 8 }), showTime);
+const player = new Player(find("view"), margins, showTime);
 open().then(
   () => (document.body.dataset.state = "ready"),
   (error) => fail(error),
 );
+
+// What lies over the stage: on a phone, buttons below, and the words about the best take above.
+function margins() {
+  if (document.body.dataset.takes === "0") return { above: 44, below: find("examples").offsetHeight + 24 };
+  if (!isPhone.matches) return { above: 44, below: 8 };
+  return { above: document.body.dataset.screen === "make" ? 96 : 52, below: 52 };
+}
 
 // One card in place of the page: what is wrong, and what to do.
 function fail(error) {

@@ -2,7 +2,7 @@
 
 import { colorsOf } from "../colors.js";
 import { FIGURES } from "../figures.js";
-import { send } from "./api.js";
+import { get, query, send } from "./api.js";
 import { byUse, fill, find, make, onChange, onClick, press, round, say, trying, words } from "./dom.js";
 import { lengthsOf, recipeOf, samplingOf, wordsOfKept } from "./draft.js";
 import { Strip } from "./strip.js";
@@ -15,6 +15,7 @@ const PLACEHOLDERS = {
   nothing: "this model takes no prompt",
 };
 const EXAMPLES = ["a person walks forward and waves", "a person kicks with the right leg", "a person sits down on a chair"];
+const PAUSE = 500; // milliseconds without a key, after which a prompt is read
 const PACES = [0.5, 0.75, 1, 1.25, 1.5, 2];
 
 export class MakeScreen {
@@ -96,6 +97,11 @@ export class MakeScreen {
       trying(() => this.generate());
     });
     form.addEventListener("change", ({ target }) => trying(() => this.#take(target)));
+    let pause = 0;
+    find("prompt").addEventListener("input", () => {
+      clearTimeout(pause);
+      pause = setTimeout(() => trying(() => this.#read()), PAUSE);
+    });
     onClick("die", async () => {
       const [seed] = crypto.getRandomValues(new Uint32Array(1));
       await studio.change("Seed", ({ settings }) => (settings.seed = seed));
@@ -159,6 +165,15 @@ export class MakeScreen {
       throw new Error(`${wrong.labels[0].textContent.trim()}: ${wrong.validationMessage}`);
     }
     await this.make(recipeOf(this.studio.draft), this.studio.draft.settings.takes);
+  }
+
+  // Says while a prompt is typed what the model does not know of it.
+  async #read() {
+    const { prompts, model } = this.studio.capabilities;
+    const prompt = find("prompt").value.trim();
+    const isRead = prompt && prompts === "sentences" && document.body.dataset.model === "warm";
+    const reading = isRead ? await get(`reading?${query({ prompt, model })}`) : {};
+    if (prompt === find("prompt").value.trim()) this.notice(reading);
   }
 
   #showMore(isShown) {
