@@ -743,7 +743,7 @@ class MotionPipeline(PickledByFields):
         return backend.launch(
             (sampling, remaining),
             lambda *arrays: features_from_noise(Batch(*arrays), *chain),
-            *vars(batch).values(),
+            *(array for array in vars(batch).values() if array is not None),
         )
 
     def joints_of(
@@ -835,7 +835,7 @@ def features_from_noise(
     """Generates features: noise → latents, by the sampler → features in their own units.
 
     Args:
-        batch: Noise (or noised latents), condition and masks, arrays of NumPy or PyTorch.
+        batch: Noise (or noised latents of clips), condition and masks, arrays of NumPy or PyTorch.
         estimator: The denoiser with its guidance, and the meaning of its output.
         sampler: The sampler.
         steps: Number of steps.
@@ -846,6 +846,8 @@ def features_from_noise(
     z = sample(
         estimator, sampler, batch.noise, batch.condition, batch.tokens, steps, noise, remaining
     )
+    if batch.start is not None and batch.kept is not None:
+        z = z + batch.kept * (batch.start - z)
     return decoder(z, batch.frames)
 
 

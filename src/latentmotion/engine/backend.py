@@ -73,6 +73,10 @@ class Batch:
     """True on real words."""
     frames: Bool[Any, "batch frames"]
     """True on real frames."""
+    start: Float[Any, "batch tokens width"] | None = None
+    """Latents of the clips that sampling starts from; None for pure noise."""
+    kept: Float[Any, "batch 1 1"] | None = None
+    """Share of them in the result."""
 
     @property
     def condition(self) -> Conditioning:

@@ -33,6 +33,9 @@ class Start:
     """z_0, in the denoiser's scale."""
     share: float
     """Share of the sampling steps that remain: 0 keeps the latents, 1 is pure noise."""
+    kept: float = 0.0
+    """Share of z_0 in the result, with which the sampled latents are mixed: few steps have no
+    time between the last and the end at which less would change."""
 
     def remaining(self, steps: int) -> int:
         """Returns how many of so many steps remain: at least one."""
@@ -157,7 +160,7 @@ def with_starts(
     time: float,
     backend: Backend,
 ) -> Batch:
-    """Returns a batch whose noise is mixed with the latents that its motions start from.
+    """Returns a batch that starts from latents of clips, which its noise is mixed with.
 
     Args:
         batch: Pure noise and masks.
@@ -170,8 +173,11 @@ def with_starts(
     for row, start in zip(latents, starts, strict=False):
         if start is not None:
             row[: len(start.latents)] = start.latents
+    kept = np.zeros((len(latents), 1, 1), np.float32)
+    kept[: len(starts), 0, 0] = [start.kept if start is not None else 0.0 for start in starts]
     z0 = backend.to_device(latents)
-    return replace(batch, noise=schedule.alpha(time) * z0 + schedule.sigma(time) * batch.noise)
+    noised = schedule.alpha(time) * z0 + schedule.sigma(time) * batch.noise
+    return replace(batch, noise=noised, start=z0, kept=backend.to_device(kept))
 
 
 def batches(frames: Sequence[int], most: int, mixed: bool = True) -> list[list[int]]:

@@ -293,7 +293,11 @@ class ClipIndex:
         }
         sources = [replace(source, name=renamed[source.name]) for source in other.sources]
         shift, first = len(self.clips), len(self.latents)
-        scale = np.maximum(self.latent_scale, other.latent_scale)
+        peaks = (
+            index.latent_scale * np.abs(index.latents).max(axis=0, initial=1)
+            for index in (self, other)
+        )
+        scale = np.maximum(*peaks) / np.float32(MOST_LEVELS)
         latents = [
             np.round(index.latents * (index.latent_scale / scale)).astype(np.int8)
             for index in (self, other)
@@ -362,9 +366,10 @@ def fingerprint(space: LatentSpace) -> str:
     return hashlib.sha256(about.encode()).hexdigest()[:16]
 
 
-LATENT_LEVELS, EMBEDDING_LEVELS = 31, 7
-"""Largest codes: 6 and 4 bits, which zlib packs. A latent is off by 0.06 of its deviation, a
-quarter of the noise that the fewest steps add; the cosine of two embeddings by 0.006."""
+LATENT_LEVELS, EMBEDDING_LEVELS, MOST_LEVELS = 63, 7, 127
+"""Largest codes of latents, of embeddings and of joined latents, which zlib packs. With 31 levels
+of latents hands of drawn movements were 54 mm from where they belong, with 63 they are 27 mm; the
+cosine of two embeddings is off by 0.006."""
 
 
 def quantized(

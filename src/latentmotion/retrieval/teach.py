@@ -19,7 +19,7 @@ movements enough captions that every sentence of the data is near one, so that i
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +30,6 @@ from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import COMPOSED
-from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.errors import InputError
 from latentmotion.language.words import words_of
 from latentmotion.model.card import ModelCard
@@ -67,7 +66,7 @@ def build_index(
     clips: Iterable[ShownClip],
     sources: Sequence[Source],
     card: ModelCard,
-    encoder: FeatureEncoder,
+    encoder: Callable[[Float[np.ndarray, "frames features"]], Float[np.ndarray, "tokens width"]],
     text_encoder: TextEncoder,
 ) -> ClipIndex:
     """Returns an index of clips for a model.
@@ -76,7 +75,7 @@ def build_index(
         clips: With features of the model's kind.
         sources: Owners of the clips, with their terms.
         card: The model.
-        encoder: Its VAE's encoder.
+        encoder: Its VAE's encoder, or what else finds latents of features.
         text_encoder: Its text encoder.
 
     Raises:
