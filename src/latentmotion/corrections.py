@@ -46,8 +46,12 @@ class Corrections:
     """The turn, if the sentence names the degrees of exactly one."""
     count: Count | None = None
     """The count, if the sentence says how often exactly one act is done."""
+    sharpens: bool = False
+    """Whether it is a whole motion as a model generated it, without much that is quick."""
     settles: bool = False
-    """Whether it is a whole motion as it was generated, whose timing is free."""
+    """Whether its timing is free, too."""
+    longest: int = 0
+    """Frames that it may have to get longer for rest, where nobody gave its length."""
 
     def about(self) -> dict[str, Any]:
         """Returns what a motion's metadata say of the numbers in its sentence."""

@@ -67,7 +67,7 @@ from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.retrieval.doubts import DoubtWarning, Reading
 from latentmotion.text.cache import MAX_PROMPTS, CachedTextEncoder, MemoryCachedTextEncoder
 from latentmotion.text.encoder import LazyTextEncoder, UnknownWordsWarning
-from latentmotion.text.lengths import LengthFile
+from latentmotion.text.lengths import TAKE_QUANTILES, LengthFile, within
 
 if TYPE_CHECKING:
     from latentmotion.control.goals import Directed, Goal
@@ -399,6 +399,8 @@ class MotionPipeline(PickledByFields):
     ) -> list[Take]:
         """Returns several takes of a sentence with their scores, the best first.
 
+        Where no length is given, takes are of several lengths that are likely for the sentence.
+
         Args:
             prompt: What the person does.
             takes: Number of takes.
@@ -429,6 +431,7 @@ class MotionPipeline(PickledByFields):
                 seconds,
                 range(seed + number * takes, seed + (number + 1) * takes),
                 *(steps, guidance, sampler, every_other if number or not goals else False, goals),
+                [TAKE_QUANTILES[take % len(TAKE_QUANTILES)] for take in range(takes)],
             )
             return raw, best.ranked(
                 [candidate.motion for candidate in raw],
@@ -478,6 +481,7 @@ class MotionPipeline(PickledByFields):
         sampler: SamplerName | None = None,
         from_clips: bool | Sequence[bool] = True,
         clean_up: CleanUp | None = None,
+        quantiles: Sequence[float] = (),
     ) -> list[Motion]:
         """Turns several prompts into motions, one take of each; each is what it would be alone.
 
@@ -490,12 +494,15 @@ class MotionPipeline(PickledByFields):
             sampler: As for one motion.
             from_clips: As for one motion, or for each.
             clean_up: Steps of the clean-up; by default motions stay as the networks make them.
+            quantiles: Of predicted lengths (`text.lengths.QUANTILES`), for each; by default the
+                median.
 
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
         texts = [prompts] if isinstance(prompts, str) else prompts
-        raw = self.raw_motions(texts, seconds, seeds, steps, guidance, sampler, from_clips)
+        settings = (steps, guidance, sampler, from_clips)
+        raw = self.raw_motions(texts, seconds, seeds, *settings, quantiles=quantiles)
         return cleaned_up(raw, clean_up) if clean_up else [take.motion for take in raw]
 
     def raw_motions(
@@ -508,6 +515,7 @@ class MotionPipeline(PickledByFields):
         sampler: SamplerName | None = None,
         from_clips: bool | Sequence[bool] = True,
         goals: Sequence[Goal] = (),
+        quantiles: Sequence[float] = (),
     ) -> list[RawMotion]:
         """Returns one take for each prompt, with what its clean-up has to know.
 
@@ -520,6 +528,7 @@ class MotionPipeline(PickledByFields):
             sampler: Sampler.
             from_clips: Whether they may start from clips.
             goals: Of each motion.
+            quantiles: As for `batch`; motions with goals have the median.
 
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
@@ -541,7 +550,7 @@ class MotionPipeline(PickledByFields):
             warnings.warn(note, DoubtWarning, stacklevel=3)
         sentences = [readings[prompt].prompt for prompt in prompts]
         free = [length is None for length in lengths]
-        usual = self.usual_seconds(sentences) if any(free) else None
+        usual = self.usual_seconds(sentences, quantiles) if any(free) else None
         space, card = self.representation, self.card
         frames = requests.frames_of(card, lengths, count, space.fps, usual)
         request = GenerationRequest(tuple(sentences), tuple(frames), tuple(seeds), sampling)
@@ -562,11 +571,12 @@ class MotionPipeline(PickledByFields):
             exact = {pair: asked_exactly(*pair) for pair in dict.fromkeys(pairs)}
             corrections = [exact[pair] for pair in pairs]
         raw = []
-        for positions, prompt, seed, correction, start in zip(
-            joints, prompts, seeds, corrections, starts, strict=True
+        for positions, prompt, seed, correction, start, any_length in zip(
+            joints, prompts, seeds, corrections, starts, free, strict=True
         ):
             # A clip has its own timing; slowed down where it is calm, it would lack its end.
-            correction = replace(correction, settles=start is None)
+            longest = card.frames[1] if any_length else 0
+            correction = replace(correction, sharpens=True, settles=start is None, longest=longest)
             about = {"model": card.name, "seed": seed, **settings, **correction.about()}
             about |= readings[prompt].about() | (start.about() if start else {})
             if prompt in translated:
@@ -755,10 +765,16 @@ class MotionPipeline(PickledByFields):
             return self.representation.decode(features)
         return self.backend.launch("joints", self.representation.decode, features)
 
-    def usual_seconds(self, prompts: Sequence[str]) -> list[float] | None:
+    def usual_seconds(
+        self, prompts: Sequence[str], quantiles: Sequence[float] = ()
+    ) -> list[float] | None:
         """Returns the length in seconds that the model predicts for each prompt.
 
         It is no shorter or longer than a single act usually lasts (`language.reading`).
+
+        Args:
+            prompts: The prompts.
+            quantiles: Of the lengths, for each; by default the median.
 
         Returns:
             None if the model predicts no lengths.
@@ -769,10 +785,10 @@ class MotionPipeline(PickledByFields):
         requests.check_prompts(self.card, prompts)
         if self.lengths is None or not prompts or not isinstance(self.condition, SentenceCondition):
             return None
-        lengths = self.lengths.usual(self.condition.encoder(prompts).pooled)
-        ranges = [usual_range(prompt) or (0.0, np.inf) for prompt in prompts]
-        pairs = zip(lengths, ranges, strict=True)
-        return [min(max(length, least), most) for length, (least, most) in pairs]
+        shares = quantiles or [0.5] * len(prompts)
+        lengths = self.lengths.usual(self.condition.encoder(prompts).pooled, shares)
+        every = zip(lengths, shares, map(usual_range, prompts), strict=True)
+        return [within(length, share, limits) for length, share, limits in every]
 
     def guided(self, sampling: Sampling) -> ParametrizedDenoiser:
         """Returns the denoiser with guidance around it, or inside it for a distilled model."""

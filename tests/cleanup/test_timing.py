@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from latentmotion.cleanup import CleanUp, clean
-from latentmotion.cleanup.smoothing import settled
+from latentmotion.cleanup.smoothing import settled, sharpened
 from latentmotion.corrections import Corrections
 from latentmotion.motion import Motion
 from tests.support.walker import walker
@@ -33,10 +33,16 @@ def test_who_idles_slows_down_and_the_act_stays() -> None:
     before = waving()
     after = settled(before, FPS)
     assert after.shape == before.shape
-    assert speeds(after)[:25].mean() < 0.5 * speeds(before)[:25].mean()
+    assert speeds(after)[:25].mean() < 0.6 * speeds(before)[:25].mean()
     assert after[:, 20, 1].max() == pytest.approx(before[:, 20, 1].max(), abs=0.02)
     assert speeds(after).max() < 1.3 * speeds(before).max()
-    assert speeds(after)[-1] < 0.6 * speeds(before)[-1]
+    assert speeds(after)[0] < 0.6 * speeds(before)[0]
+    longer = settled(before, FPS, longest=196)
+    assert len(before) < len(longer) <= 1.36 * len(before)
+    assert len(settled(before, FPS, longest=85)) <= 85
+    assert speeds(longer)[:25].mean() < 0.4 * speeds(before)[:25].mean()
+    assert max(speeds(longer)[-1], speeds(longer)[0]) < 0.4 * speeds(before)[-1]
+    assert longer[:, 20, 1].max() == pytest.approx(before[:, 20, 1].max(), abs=0.02)
 
 
 def test_who_walks_or_flies_keeps_the_end() -> None:
@@ -45,6 +51,33 @@ def test_who_walks_or_flies_keeps_the_end() -> None:
     flying = waving(drift=0.75)
     flying[..., 1] += 0.5
     np.testing.assert_allclose(settled(flying, FPS), flying, atol=1e-6)
+
+
+def test_a_kick_that_is_cut_is_shown_up_to_the_standing() -> None:
+    stand = np.repeat(waving(drift=0.0)[:1], 60, axis=0)
+    lift = np.clip(np.arange(60) - 53, 0, 5) / 5
+    stand[:, [7, 10], 1] += 0.5 * lift[:, None]
+    after = settled(stand, FPS)
+    assert after.shape == stand.shape
+    assert after[-1, 7, 1] < stand[-1, 7, 1] - 0.25
+    assert settled(stand[::-1], FPS)[0, 7, 1] < stand[-1, 7, 1] - 0.25
+
+
+def test_quick_movement_is_sharpened_and_rest_is_not() -> None:
+    """A punch of a tenth of a second, seen through a decoder that passes half of it."""
+    slow = waving(drift=0.2)
+    punch = slow.copy()
+    punch[50:52, 21, 2] += 0.1
+    after = sharpened(punch, FPS)
+    assert np.ptp(after[45:57, 21, 2]) > 1.3 * np.ptp(punch[45:57, 21, 2])
+    np.testing.assert_allclose(after[:40, :20], punch[:40, :20], atol=1e-3)
+    generated = Corrections(sharpens=True)
+    steps = replace(CleanUp(), smooth=False, bones=False, floor=False, feet=False, seats=False)
+    motion = Motion(punch.astype(np.float32), FPS)
+    assert np.array_equal(clean(motion, steps).joints, motion.joints)
+    kept = clean(motion, replace(steps, sharpen=False), generated)
+    assert np.array_equal(kept.joints, motion.joints)
+    assert not np.array_equal(clean(motion, steps, generated).joints, motion.joints)
 
 
 def test_only_generated_motions_get_another_timing() -> None:

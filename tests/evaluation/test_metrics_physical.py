@@ -11,6 +11,7 @@ from latentmotion.kinematics.plausibility import (
     jitter,
     penetration,
     skating_ratio,
+    unfinished,
 )
 from latentmotion.kinematics.skeleton import HUMANML3D
 
@@ -84,3 +85,13 @@ def test_floating_is_the_height_of_a_body_that_nothing_carries():
     begins_above = leap.copy()
     begins_above[0, :, 1] += 0.25
     assert floating(begins_above, FPS) == pytest.approx(0.2 * 5 / 30)
+
+
+def test_unfinished_is_the_height_of_a_flight_or_of_a_lifted_foot():
+    standing_still = standing(height=0.0)
+    assert unfinished(standing_still) == pytest.approx(0)
+    assert unfinished(standing(height=0.25)) == pytest.approx(0.2)
+    kick = standing_still.copy()
+    kick[-1, list(HUMANML3D.left_foot), 1] += 0.6
+    lifted = kick[-1, list(HUMANML3D.left_foot), 1].min() - 0.2
+    assert unfinished(kick)[-1] == pytest.approx(lifted / 2) and unfinished(kick)[0] == 0

@@ -103,11 +103,11 @@ def test_captions_are_read_as_before() -> None:
     [
         ("a person salutes", (1.6, 4.0)),
         ("he shakes his head", (1.6, 4.0)),
-        ("a man runs", (2.5, 9.8)),
+        ("a man runs", (2.5, float("inf"))),
         ("jump", (2.0, 4.0)),
         ("jump three times", None),
         ("walk forward, then sit down", None),
-        ("walks and salutes", (2.5, 9.8)),
+        ("walks and salutes", (2.5, float("inf"))),
         ("stand still", None),
     ],
 )

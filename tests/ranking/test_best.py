@@ -69,7 +69,8 @@ def test_the_score_is_the_match_less_feet_and_floor(walk: Motion) -> None:
 def test_claims_are_graded(walk: Motion, prompt: str, claims: float) -> None:
     (take,) = ranked([walk], prompt, shipped_scorer())
     assert take.claims == pytest.approx(claims, abs=0.11)
-    costs = take.sliding + 2 * (take.penetration + take.floating) + max(0, take.jerk - 150) / 1000
+    off_floor = take.penetration + take.floating + take.unfinished
+    costs = take.sliding + 2 * off_floor + max(0, take.jerk - 150) / 1000
     assert take.score == pytest.approx(2 * take.claims + take.text - costs)
 
 
@@ -98,6 +99,34 @@ def test_the_best_tells_of_all_takes(fast: MotionPipeline) -> None:
     raw = fast("a person kicks", takes=3, seconds=1.6, seed=5, clean_up=None)
     assert np.array_equal(raw.joints, takes[0].motion.joints)
     assert json.loads(json.dumps(best.metadata["best_of"])) == [take.about() for take in takes]
+
+
+def test_takes_have_several_lengths_where_nobody_gave_one(fast: MotionPipeline) -> None:
+    takes = fast.ranked("a person kicks", 4, clean_up=None)
+    lengths = {take.motion.metadata["seed"]: take.motion.seconds for take in takes}
+    usual = fast.usual_seconds(["a person kicks"] * 4, [0.5, 0.25, 0.5, 0.75])
+    assert [lengths[seed] for seed in range(4)] == pytest.approx(usual, abs=0.025)
+    assert len(set(lengths.values())) == 3
+
+
+def test_a_take_that_ends_in_the_air_is_not_preferred() -> None:
+    jumps = acted.jump(2).astype(np.float32)
+    highest = int(jumps[..., 0, 1].argmax())
+    cut, whole = Motion(jumps[: highest + 1]), Motion(jumps)
+    takes = ranked([cut, whole], "a person juggles", shipped_scorer())
+    assert {take.motion is cut: take.unfinished > 0.03 for take in takes} == {
+        True: True,
+        False: False,
+    }
+
+
+def test_one_bow_is_preferred_to_three() -> None:
+    bows = [Motion(acted.bow(n).astype(np.float32)) for n in (3, 1)]
+    takes = ranked(bows, "a person bows", shipped_scorer())
+    assert {take.motion is bows[1]: take.claims > 0.7 for take in takes} == {
+        True: True,
+        False: False,
+    }
 
 
 def test_one_take_is_the_motion_itself(fast: MotionPipeline) -> None:
@@ -134,8 +163,8 @@ def test_the_command_line_tells_scores(tmp_path: Path, capsys: pytest.CaptureFix
     captured = capsys.readouterr()
     (motion,) = json.loads(captured.out)["motions"]
     assert set(motion["best_of"][0]) == {
-        *("seed", "score", "claims", "text", "sliding", "penetration", "floating", "jerk"),
-        "advantage",
+        *("seed", "score", "claims", "text", "sliding", "penetration", "floating"),
+        *("unfinished", "jerk", "advantage"),
     }
     assert "best of 2: seed" in captured.err
 

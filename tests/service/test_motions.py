@@ -36,7 +36,7 @@ def test_raw_joints_are_the_librarys(called: Called, walk: Motion) -> None:
 
 def test_a_motion_is_cleaned_unless_told_otherwise(called: Called, walk: Motion) -> None:
     found = called.post("/v1/motions", WALK).json()
-    settled = walk.cleaned(CleanUp(), Corrections(settles=True))  # as a generated motion's end does
+    settled = walk.cleaned(CleanUp(), Corrections(sharpens=True, settles=True))
     np.testing.assert_allclose(found["positions"], settled.joints, atol=1e-4)
     assert found["joints"][0] == "pelvis"
     assert found["metadata"]["seed"] == 3

@@ -85,6 +85,11 @@ def align_floor(
     stands_on = climbed * ramp(base, *settings.step)
     hover = lies * np.maximum(0, base - settings.hover)
     hover += (1 - lies) * (1 - stands_on) * np.maximum(0, base - settings.tolerance)
+    # One who hardly moves is not jumping, however short it is.
+    low = moved[..., 1].min(axis=-1)
+    stands_on = climbed * ramp(low, *settings.step)
+    hangs = (1 - lies) * (1 - stands_on) * np.maximum(0, low - settings.tolerance)
+    hover = np.maximum(hover, np.where(_still(moved[..., 0, :], fps), hangs, 0))
     if hover.any():
         moved[..., 1] -= np.maximum(0, gaussian(hover, 0.2 * fps))[..., None]
     # 3. What is below the floor is lifted.
@@ -93,6 +98,26 @@ def align_floor(
         below = np.maximum(below, -settings.sink - moved[..., feet, 1].min(axis=-1))
     moved[..., 1] += upper_envelope(below, max(1, round(0.2 * fps)))[..., None]
     return lift_hands(moved, fps, skeleton)
+
+
+# Meters per second of a root that neither travels, nor rises or falls; seconds that it lasts at
+# least, which is longer than the top of a jump.
+_CALM, _LEVEL_SPEED, _HANGING = 0.3, 0.1, 0.25
+
+
+def _still(
+    root: Float[np.ndarray, "frames *batch 3"], fps: float
+) -> Bool[np.ndarray, frames * batch]:
+    """Returns whether the root hardly moves, for longer than at the top of a jump."""
+    speed = velocity(root, fps)
+    calm = (np.linalg.norm(speed, axis=-1) < _CALM) & (np.abs(speed[..., 1]) < _LEVEL_SPEED)
+    width = max(1, round(_HANGING * fps))
+    if len(calm) < width:
+        return np.zeros(calm.shape, bool)
+    windows = np.lib.stride_tricks.sliding_window_view
+    whole = windows(calm, width, axis=0).all(axis=-1)
+    padding = np.zeros((width - 1, *calm.shape[1:]), bool)
+    return windows(np.concatenate([padding, whole, padding]), width, axis=0).any(axis=-1)
 
 
 @lru_cache(maxsize=16)

@@ -19,7 +19,7 @@ from latentmotion.cleanup.floor import Floor, align_floor, hold_seats
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.loops import is_loop, rolled_up, turns_beside, unrolled
-from latentmotion.cleanup.smoothing import gaussian, settled, steadied
+from latentmotion.cleanup.smoothing import gaussian, settled, sharpened, steadied
 from latentmotion.cleanup.turning import exact_turns
 from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.errors import InputError
@@ -60,8 +60,10 @@ class CleanUp:
     motion shorter or longer."""
     exact_turn: bool = True
     """Turn by the degrees that the corrections say."""
+    sharpen: bool = True
+    """Give a generated motion back the quick movement that its decoder loses."""
     settle: bool = True
-    """Let a generated motion come to rest where it idles and where it ends."""
+    """Let a generated motion come to rest where it idles and at its ends."""
     smooth: bool = True
     """Remove jitter."""
     bones: bool = True
@@ -98,7 +100,9 @@ def clean(
     corrections: Corrections = NO_CORRECTIONS,
     in_place: bool = False,
 ) -> Motion:
-    """Returns the motion cleaned up, as long as it was, unless a count is corrected.
+    """Returns the motion cleaned up.
+
+    It is as long as before, unless a count is corrected, or rest takes time and it may be longer.
 
     Args:
         motion: The motion; of a loop (`cleanup/loops.py`) the ends still meet afterwards.
@@ -139,11 +143,8 @@ def clean_batch(
         cleaned = clean_batch(whole, steps, exact)
         every = zip(cleaned, motions, beside, strict=True)
         return [rolled_up(after, before) if n else after for after, before, n in every]
-    if steps.settle:
-        pairs = zip(motions, corrections, strict=True)
-        motions = [
-            _settled(motion) if correction.settles else motion for motion, correction in pairs
-        ]
+    pairs = zip(motions, corrections, strict=True)
+    motions = [_enlivened(motion, correction, steps) for motion, correction in pairs]
     cleaned = _clean_alike(motions, steps, corrections)
     moving = replace(steps, in_place=False)  # repetitions are counted on the path
     recorded = [motion.recorded for motion in motions]
@@ -168,8 +169,16 @@ def clean_batch(
     ]
 
 
-def _settled(motion: Motion) -> Motion:
-    joints = settled(motion.joints.astype(np.float64), motion.fps)
+def _enlivened(motion: Motion, correction: Corrections, steps: CleanUp) -> Motion:
+    """Returns a generated motion with quick movement as quick and rest as calm as in recordings."""
+    sharpens, settles = correction.sharpens and steps.sharpen, correction.settles and steps.settle
+    if not (sharpens or settles):
+        return motion
+    joints = motion.joints.astype(np.float64)
+    if sharpens:
+        joints = sharpened(joints, motion.fps)
+    if settles:
+        joints = settled(joints, motion.fps, motion.skeleton, correction.longest)
     return replace(motion, joints=joints.astype(np.float32))
 
 

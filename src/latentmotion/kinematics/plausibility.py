@@ -44,6 +44,7 @@ from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 _FADING_HEIGHT = 0.025
 _CONTACT_HEIGHT, _SKATING_SPEED = 0.05, 0.5
 _CARRIED_SPEED, _END_SECONDS = 0.3, 0.25
+_LIFTED, _UP = 0.2, 0.6
 
 
 def foot_sliding(
@@ -107,6 +108,32 @@ def penetration(joints: Float[np.ndarray, "frames joints 3"], floor: float = 0.0
     """
     lowest = np.asarray(joints, dtype=np.float64)[..., 1].min(axis=1)
     return float(np.maximum(0, floor - lowest).mean())
+
+
+def unfinished(
+    joints: Float[np.ndarray, "frames joints 3"],
+    skeleton: Skeleton = HUMANML3D,
+    floor: float = 0.0,
+) -> Float[np.ndarray, " frames"]:
+    """Returns how far from standing each pose is as an end of a motion, meters.
+
+    It is how high the body is above the floor, and half of how high one who is up lifts a foot.
+
+    Args:
+        joints: Joint positions, meters, y up; joint 0 is the root.
+        skeleton: Says which joints are feet.
+        floor: Height of the floor, meters.
+    """
+    heights = np.asarray(joints, dtype=np.float64)[..., 1] - floor
+    lowest = heights.min(axis=1)
+    flight = np.maximum(0, lowest - _CONTACT_HEIGHT)
+    if not (skeleton.left_foot and skeleton.right_foot):
+        return flight
+    feet = [
+        heights[:, list(foot)].min(axis=1) for foot in (skeleton.left_foot, skeleton.right_foot)
+    ]
+    lifted = np.maximum(0, np.maximum(*feet) - lowest - _LIFTED)
+    return flight + 0.5 * np.where(heights[:, 0] - lowest > _UP, lifted, 0.0)
 
 
 def floating(joints: Float[np.ndarray, "frames joints 3"], fps: float, floor: float = 0.0) -> float:

@@ -1,15 +1,15 @@
 """Best of several takes: claims and match of sentence and motion, less what feet and jerk cost.
 
     score = (1 − rarity) (2 · claims + cosine(sentence, motion)) + advantage of its start
-            − sliding − 2 · (penetration + floating) − max(0, jerk − 150)/1000
+            − sliding − 2 · (penetration + floating + unfinished) − max(0, jerk − 150)/1000
 
 `claims` is how closely the motion, cleaned up, does what the sentence asks: degrees, counts, sides,
-ways, paces and order (`ranking/closeness.py`). Sliding is in m/s, penetration and floating in m,
-jerk in m/s³ (`kinematics/plausibility.py`); recordings have jerks of some 100. Claims
-decide first, and ordinary differences of feet and floor only between takes that match about as
-well (lab/diary/best_of.md). A take of a rare movement that starts from a clip of it has an
-advantage, since claims and scorer know rare movements least (`retrieval/starts.py`); the largest
-advantage of the takes is the rarity.
+ways, paces and order (`ranking/closeness.py`). Sliding is in m/s, penetration, floating and what is
+unfinished at the ends in m, jerk in m/s³ (`kinematics/plausibility.py`); recordings have jerks of
+some 100. Claims decide first, and ordinary differences of feet and floor only between takes that
+match about as well (lab/diary/best_of.md). A take of a rare movement that starts from a clip of it
+has an advantage, since claims and scorer know rare movements least (`retrieval/starts.py`); the
+largest advantage of the takes is the rarity.
 """
 
 from __future__ import annotations
@@ -25,7 +25,13 @@ from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
 from latentmotion.condition import Condition, SentenceCondition
 from latentmotion.corrections import Corrections
 from latentmotion.errors import InputError
-from latentmotion.kinematics.plausibility import floating, foot_sliding, jitter, penetration
+from latentmotion.kinematics.plausibility import (
+    floating,
+    foot_sliding,
+    jitter,
+    penetration,
+    unfinished,
+)
 from latentmotion.language.reading import request_of
 from latentmotion.measure.scene import describe
 from latentmotion.model.card import ModelCard
@@ -67,6 +73,9 @@ class Take:
     """Mean depth of the lowest joint below the floor, meters."""
     floating: float
     """Mean height of a body that nothing carries, and that neither moves nor falls, meters."""
+    unfinished: float
+    """Mean height of the body, and half of that of a lifted foot, in the first and last pose of the
+    cleaned motion, meters."""
     jerk: float
     """Mean jerk of the joints, m/s³."""
     advantage: float = 0.0
@@ -77,7 +86,7 @@ class Take:
     def about(self) -> dict[str, Any]:
         """Returns seed, score and reasons, as JSON can hold them."""
         figures = ("score", "claims", "text", "sliding", "penetration")
-        figures += ("floating", "jerk", "advantage")
+        figures += ("floating", "unfinished", "jerk", "advantage")
         return {"seed": self.motion.metadata.get("seed")} | {
             name: round(getattr(self, name), 5) for name in figures
         }
@@ -160,13 +169,17 @@ def ranked(
         joints, fps = motion.joints, motion.fps
         sliding, depth = foot_sliding(joints, fps, motion.skeleton), penetration(joints)
         hovers, jerk, claims = floating(joints, fps), jitter(joints, fps), 0.0
+        kept = (after or motion).joints.astype(np.float64)
+        # One who climbs ends above the floor, on what no motion shows.
+        climbs = any(claim.kind == "climb" for claim in request.claims)
+        ends = 0.0 if climbs else float(unfinished(kept[[0, -1]], motion.skeleton).mean())
         if request.claims:
-            claims = closeness(request, describe((after or motion).joints.astype(np.float64)))
-        costs = sliding + _OFF_FLOOR * (depth + hovers) + _JERK * max(0.0, jerk - _USUAL_JERK)
-        score = usual * (_CLAIMS * claims + match) + advantage - costs
-        takes.append(
-            Take(motion, score, claims, match, sliding, depth, hovers, jerk, advantage, after)
-        )
+            claims = closeness(request, describe(kept))
+        off_floor = _OFF_FLOOR * (depth + hovers + ends)
+        score = usual * (_CLAIMS * claims + match) + advantage
+        score -= sliding + off_floor + _JERK * max(0.0, jerk - _USUAL_JERK)
+        figures = (score, claims, match, sliding, depth, hovers, ends, jerk, advantage)
+        takes.append(Take(motion, *figures, after))
     takes.sort(key=lambda take: -take.score)
     for note in notes:  # of takes that are not kept nobody needs to know
         if getattr(note.message, "motion", None) in (None, takes[0].motion):

@@ -217,6 +217,8 @@ def _event(claim: Claim, scene: Measured, request: Request) -> float:
     if claim.count:
         times = len(exact) if claim.kind in ("raise", "wave") else sum(e.count for e in exact)
         grade *= _near(times, claim.count)
+    elif claim.kind in kinds("single") and not repeated:
+        grade *= _near(max(1, sum(e.count for e in exact if e.kind == claim.kind)), 1)
     if claim.kind in ("jump", "hop"):
         grade *= _way(replace(claim, kind="move"), scene, request)
     return grade

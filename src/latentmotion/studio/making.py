@@ -22,6 +22,7 @@ from latentmotion.storage.configuration import from_json
 from latentmotion.studio.edits import Edits
 from latentmotion.studio.library import Library
 from latentmotion.studio.schemas import Recipe
+from latentmotion.text.lengths import TAKE_QUANTILES
 
 Made = tuple[Motion, dict[str, Any], str, Edits]
 """Motion, recipe, title and edits of a take."""
@@ -185,5 +186,6 @@ def _generated(
         return [pipeline(prompt, seconds, n, *sampling, goals, **settings) for n in seeds]
     # By the seed, so that a take that is made again starts from what it started from.
     every_other = [seed % 2 == 0 for seed in seeds]
-    prompts = [prompt] * len(seeds)
-    return pipeline.batch(prompts, seconds, seeds, *sampled, recipe.sampler, every_other, steps)
+    quantiles = [TAKE_QUANTILES[seed % len(TAKE_QUANTILES)] for seed in seeds]
+    settings = (*sampled, recipe.sampler, every_other, steps, quantiles)
+    return pipeline.batch([prompt] * len(seeds), seconds, seeds, *settings)

@@ -7,6 +7,7 @@ text encoder only, so its file is stored beside that encoder.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -28,6 +29,20 @@ _MAKE = "make it anew: latentmotion train length"
 
 SHORTEST_USUAL = 1.6
 """Minimum predicted length in seconds: a start and an end need time."""
+
+TAKE_QUANTILES = (0.5, 0.25, 0.5, 0.75)
+"""Quantiles of the lengths that several takes of one sentence have in turn."""
+
+
+def within(length: float, quantile: float, limits: tuple[float, float] | None) -> float:
+    """Returns a predicted length within the usual limits of an act, in seconds.
+
+    A prediction outside them says nothing about the act, so its quantile is one of the limits.
+    """
+    least, most = limits or (0.0, np.inf)
+    if length > most:
+        return least + quantile * (most - least)
+    return max(length, least * (0.5 + max(quantile, 0.5)))
 
 
 @dataclass(frozen=True)
@@ -56,9 +71,17 @@ class LengthModel:
             lengths.append(np.sort(last[0] @ row + last[1]))
         return np.stack(lengths)
 
-    def usual(self, pooled: Float[np.ndarray, "sentences width"]) -> list[float]:
-        """Returns the median length of each sentence's motions in seconds, at least 1.6."""
-        return self(pooled)[:, QUANTILES.index(0.5)].clip(SHORTEST_USUAL).tolist()
+    def usual(
+        self, pooled: Float[np.ndarray, "sentences width"], quantiles: Sequence[float] = ()
+    ) -> list[float]:
+        """Returns a likely length of each sentence's motions in seconds, at least 1.6.
+
+        Args:
+            pooled: Embeddings of the sentences.
+            quantiles: Which of `QUANTILES` each has; by default the median.
+        """
+        places = [QUANTILES.index(share) for share in quantiles or [0.5] * len(pooled)]
+        return self(pooled)[np.arange(len(pooled)), places].clip(SHORTEST_USUAL).tolist()
 
     def write(self, path: Path) -> None:
         """Writes the model as safetensors, in 16 bits.
@@ -131,13 +154,15 @@ class LengthFile(PickledByFields):
     encoder: str | None
     """Text encoder whose embeddings it must read."""
 
-    def usual(self, pooled: Float[np.ndarray, "sentences width"]) -> list[float]:
-        """Returns the median length in seconds of each sentence's motions.
+    def usual(
+        self, pooled: Float[np.ndarray, "sentences width"], quantiles: Sequence[float] = ()
+    ) -> list[float]:
+        """Returns a likely length of each sentence's motions, as `LengthModel` does.
 
         Raises:
             ModelError: The file is damaged or was made for another encoder.
         """
-        return self._model.usual(pooled)
+        return self._model.usual(pooled, quantiles)
 
     @cached_property
     def _model(self) -> LengthModel:
