@@ -17,7 +17,7 @@ from torch import Tensor
 
 from latentmotion.cli.convert import Convert
 from latentmotion.cli.main import main
-from latentmotion.convert.checkpoints import convert_checkpoint
+from latentmotion.convert import convert_checkpoint
 from latentmotion.convert.mld import Origin, Unstated
 from latentmotion.convert.reading import read_checkpoint, rename
 from latentmotion.errors import InputError, ModelError

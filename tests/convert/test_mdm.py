@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from latentmotion.condition import Conditioning, SentenceCondition, TextEmbedding
-from latentmotion.convert.checkpoints import convert_checkpoint
+from latentmotion.convert import convert_checkpoint
 from latentmotion.convert.mld import Origin, Unstated
 from latentmotion.diffusion.schedule import Cosine
 from latentmotion.errors import InputError, ModelError

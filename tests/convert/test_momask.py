@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from latentmotion.cli.main import main
-from latentmotion.convert.checkpoints import convert_checkpoint
+from latentmotion.convert import convert_checkpoint
 from latentmotion.convert.mld import Origin, Unstated
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError

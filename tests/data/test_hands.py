@@ -68,9 +68,14 @@ def test_52_joints_are_prepared_trained_and_generated(
     for number in range(10):
         write_amass(raw / f"{number}.npz", 156, number)
     write_amass(raw / "bare.npz", 156, 99, fist=0.0)
+    face = dict(np.load(write_amass(raw / "face.npz", 165, 98)))
+    face["poses"][:, 66:75] = 0.2
+    np.savez(raw / "face.npz", **face)
     own = ["data", "prepare", "own", str(raw), "--val", "0.2", "--test", "0"]
     main([*own, "-o", str(tmp_path / "body")])
-    assert "part 0: the poses of its fingers; --hands keeps them" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "part 0: the poses of its fingers; --hands keeps them" in told
+    assert "part face: the poses of its jaw and eyes" in told
     main([*own, "--hands", "-o", str(tmp_path / "data")])
     told = capsys.readouterr().out
     assert "bare: " in told and "has no poses of fingers" in told

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from latentmotion.convert.checkpoints import convert_checkpoint
+from latentmotion.convert import convert_checkpoint
 from latentmotion.convert.mld import Origin
 from latentmotion.convert.reading import read_checkpoint
 from latentmotion.errors import LatentMotionError, ModelError

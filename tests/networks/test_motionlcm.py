@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from latentmotion.condition import Conditioning, TextTask
-from latentmotion.convert.checkpoints import convert_checkpoint
+from latentmotion.convert import convert_checkpoint
 from latentmotion.convert.mld import Origin, Unstated
 from latentmotion.errors import ModelError
 from latentmotion.model.config import Sampling

@@ -15,7 +15,7 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from latentmotion.condition import Conditioning, TextEmbedding, TextEncoder
-from latentmotion.convert.checkpoints import convert_checkpoint
+from latentmotion.convert import convert_checkpoint
 from latentmotion.convert.mld import Origin, Unstated
 from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.samplers import DDIM, sample

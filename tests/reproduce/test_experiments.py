@@ -264,6 +264,8 @@ def test_a_table_of_one_data_set_refuses_others_before_training(
     runner = TableRunner(TABLES["text_kit"], workspace_of(dataset, tmp_path, told), CLEAN, Means())
     with pytest.raises(DataError, match=r"text_kit is of KIT.*holds synthetic"):
         runner.run(runner.table.rows)
+    with pytest.raises(InputError, match=r"every column of text \(R@1.*needs an evaluator"):
+        replace(runner, table=TABLES["text"], evaluator=None).run(TABLES["text"].rows)
     assert not told and not list(tmp_path.iterdir())
     with pytest.raises(InputError, match="row 'temos': only its published figures"):
         rows_named(TABLES["text"], ["temos"])

@@ -53,8 +53,7 @@ class Convert:
             InputError: The normalizer is given by half, or does not fit.
             ModelError: The file is no checkpoint of that code, or may hold code.
         """
-        from latentmotion.convert import mld
-        from latentmotion.convert.checkpoints import convert_checkpoint
+        from latentmotion.convert import convert_checkpoint, mld
 
         if (self.mean is None) != (self.std is None):
             raise InputError("--mean and --std belong together: pass both")

@@ -46,6 +46,12 @@ TIMES = {"AITS": time.perf_counter, "Processor time": time.process_time}
 """Clock of each metric of a motion's time. Processor time is that of all threads: with one it is
 the time on a quiet machine."""
 
+BY_EVALUATOR = {
+    *("R@1", "R@2", "R@3", "FID", "FID train", "FID test", "KID", "MM-Dist"),
+    *("Diversity", "MultiModality", "Accuracy"),
+}
+"""Metrics of an evaluator's embeddings."""
+
 TIMED = 3
 """Motions of a row that are timed."""
 
@@ -92,9 +98,15 @@ class TableRunner:
         """Compares the data with what the table needs, before anything is trained.
 
         Raises:
+            InputError: Without an evaluator no column of the table can be measured.
             DataError: They are another data set, or a split has too few usable clips.
         """
         table, dataset = self.table, self.work.dataset
+        if self.evaluator is None and BY_EVALUATOR.issuperset(table.metrics):
+            raise InputError(
+                f"every column of {table.name} ({', '.join(table.metrics)}) needs an evaluator; "
+                "name one: --evaluator FOLDER, or --evaluator scorer for text"
+            )
         sources = [source.name for source in dataset.sources]
         if table.source and sources != [table.source]:
             raise DataError(

@@ -149,13 +149,15 @@ class OwnMotions:
         for name, path in counted(paths.items(), "motion files"):
             try:
                 entry = listed.get(name) or self._annotations_beside(path)
-                fingers = smpl_hands.hand_poses(path)
+                fingers, face = smpl_hands.hand_poses(path), smpl_hands.face_moves(path)
                 takes = self._takes(path) if not self.hands else self._with_hands(path, fingers)
             except (FileFormatError, DataError, InputError) as error:
                 yield Dropped(name, "clip", str(error))
                 continue
             if fingers is not None and not self.hands:
                 yield Dropped(name, "part", "the poses of its fingers; --hands keeps them")
+            if face:
+                yield Dropped(name, "part", "the poses of its jaw and eyes")
             action = entry.action
             # By hash, so that more files never move a file to another split.
             draw = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") / 2**32

@@ -35,6 +35,28 @@ def hand_poses(path: Path) -> Float[np.ndarray, "frames 30 3"] | None:
     Raises:
         FileFormatError: The file is damaged, or holds NaN.
     """
+    poses = _poses(path)
+    if poses is None:
+        return None
+    start = _HANDS_AT[poses.shape[1]]
+    hands = poses[:, start : start + 3 * HAND_JOINTS].astype(np.float64)
+    return hands.reshape(-1, HAND_JOINTS, 3) if np.abs(hands).max(initial=0.0) > _MOVED else None
+
+
+def face_moves(path: Path) -> bool:
+    """Returns whether a file has poses of jaw and eyes, which are never kept.
+
+    Raises:
+        FileFormatError: The file is damaged, or holds NaN.
+    """
+    poses = _poses(path)
+    if poses is None:
+        return False
+    face = poses[:, 3 * BODY_JOINTS : _HANDS_AT[poses.shape[1]]]
+    return bool(np.abs(face).max(initial=0.0) > _MOVED)
+
+
+def _poses(path: Path) -> Float[np.ndarray, "frames numbers"] | None:
     if path.suffix.lower() != ".npz":
         return None
     poses = read_arrays(path, lambda name, *_: name == "poses").get("poses")
@@ -42,9 +64,7 @@ def hand_poses(path: Path) -> Float[np.ndarray, "frames 30 3"] | None:
         return None
     if poses.dtype.kind not in "fiu" or not (np.abs(poses) < MOST_NUMBER).all():
         raise FileFormatError(path, "holds poses that are not finite numbers")
-    start = _HANDS_AT[poses.shape[1]]
-    hands = poses[:, start : start + 3 * HAND_JOINTS].astype(np.float64)
-    return hands.reshape(-1, HAND_JOINTS, 3) if np.abs(hands).max(initial=0.0) > _MOVED else None
+    return poses
 
 
 def joints_with_hands(
