@@ -13,7 +13,7 @@ from latentmotion.data.clip import Source
 from latentmotion.data.prepare import Preparation, encode_all
 from latentmotion.data.recording import Dropped, Recording, files_below
 from latentmotion.data.sources.own import OwnMotions
-from latentmotion.errors import DataError
+from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
@@ -38,6 +38,33 @@ def test_captions_beside_the_files(tmp_path: Path) -> None:
     assert found["walk"].mirrored_sentences[0].text == "a person walks right"
     assert found["walk"].sentences[1].end == 2.0
     assert found["deep-turn"].sentences == ()
+
+
+def test_babels_labels(tmp_path: Path) -> None:
+    write_own(tmp_path / "amass", ["CMU/05/walk", "CMU/05/turn"])
+    part = {"raw_label": "turn left", "act_cat": ["turn"], "start_t": 0.5, "end_t": 1.5}
+    rest = {"raw_label": "transition", "start_t": 1.5, "end_t": 2.0}
+    content = {
+        "7": {"feat_p": "CMU/CMU/05/walk.npz", "seq_ann": {"labels": [{"raw_label": "walks"}]}},
+        "8": {"feat_p": "CMU/05/turn.npz", "frame_ann": {"labels": [part, rest]}, "seq_ann": None},
+        "9": {"feat_p": "KIT/KIT/3/gone.npz", "seq_ann": {"labels": [{"raw_label": "goes"}]}},
+    }
+    (tmp_path / "val.json").write_text(json.dumps(content))
+    motions = OwnMotions(tmp_path / "amass", SOURCE, tmp_path / "val.json")
+    found = {
+        name: (label.split, [(s.text, s.start, s.end) for s in label.sentences])
+        for name, label in labels(motions).items()
+    }
+    assert found == {
+        "CMU-05-walk": ("val", [("walks", 0, 0)]),
+        "CMU-05-turn": ("val", [("turn left", 0.5, 1.5)]),
+    }
+    (lost,) = (item for item in motions.recordings() if isinstance(item, Dropped))
+    assert lost.id == "KIT/3/gone" and "not there: goes" in lost.reason
+    for bad in ([1], {"7": 3}, {"7": {"feat_p": "a", "seq_ann": {"labels": [{}]}}}):
+        (tmp_path / "val.json").write_text(json.dumps(bad))
+        with pytest.raises(FileFormatError, match="no labels of BABEL"):
+            list(motions.recordings())
 
 
 def test_a_table_of_captions(tmp_path: Path) -> None:

@@ -318,7 +318,7 @@ class PrepareOwn(_PrepareOwnFiles):
     """Folder of motion files, nested in any way."""
     captions: Path | None = None
     """CSV file with the columns file and caption, and optionally from, to (seconds), split,
-    action."""
+    action; or BABEL's train.json, val.json or test.json beside AMASS's files."""
     hands: bool = False
     """Keep fingers of AMASS's SMPL-H and SMPL-X files as 30 joints more than the body's 22; other
     files are left out."""

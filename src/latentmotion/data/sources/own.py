@@ -3,6 +3,7 @@
     walk.bvh + walk.txt     one sentence a line; HumanML3D's `sentence#tokens#from#to` works too
     captions.csv            columns file, caption; also: from, to (seconds; by default the end),
                             split, action
+    train.json              BABEL's labels of AMASS's files (Punnakkal et al., CVPR 2021)
     LABEL/take.bvh          where folders are labels: each file is of that action
     test/LABEL/take.bvh     and of that split, if the first folder is train, val or test
 
@@ -16,7 +17,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -59,7 +60,7 @@ from latentmotion.kinematics.humanoid import find_humanoid
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 from latentmotion.kinematics.standing import Stated
 from latentmotion.progress import counted
-from latentmotion.storage.reading import read_table, read_text
+from latentmotion.storage.reading import blamed_on, read_json_file, read_table, read_text
 
 # Endings that `formats` reads, but that are captions, arrays and checkpoints in such a folder.
 _NO_MOTION = (".csv", ".npy", ".pkl", ".pt")
@@ -88,7 +89,7 @@ class OwnMotions:
     source: Source
     """Origin and terms to record."""
     captions: Path | None = None
-    """A CSV; without it captions are taken from `.txt` files beside the motions."""
+    """A CSV, or BABEL's JSON; without it captions are in `.txt` files beside the motions."""
     stated: Stated | None = None
     """Unit, up axis, frame rate and joint maps of all files, where these say them wrongly or not at
     all; by default found for each by itself."""
@@ -125,7 +126,10 @@ class OwnMotions:
         paths = find_motions(self.folder)
         if any(path.suffix.lower() == ".fbx" for path in paths.values()):
             fbx.check_ready()
-        listed = _read_csv(self.captions) if self.captions else {}
+        listed: dict[str, _Annotations] = {}
+        if self.captions:
+            babel = self.captions.suffix.lower() == ".json"
+            listed = _read_babel(self.captions, paths) if babel else _read_csv(self.captions)
         # Captions of files that are not there belong to the first group, which tells of them.
         unmatched = {name: entry for name, entry in listed.items() if name not in paths}
         groups = []
@@ -359,11 +363,39 @@ def _read_csv(path: Path) -> dict[str, _Annotations]:
     return dict(by_file)
 
 
-def _seconds(text: str, where: str) -> float:
+def _read_babel(path: Path, names: Collection[str]) -> dict[str, _Annotations]:
+    """Reads BABEL's raw labels of whole takes and of their parts; the split is the file's name.
+
+    Its classes of actions (`act_cat`) are not read: a take has several, a clip here one.
+
+    Args:
+        path: BABEL's train.json, val.json or test.json.
+        names: Motion files; AMASS's archives lack the first folder of BABEL's paths.
+    """
+    split: Split | None = next((s for s in SPLITS if s == path.stem), None)
+    by_file: dict[str, _Annotations] = {}
+    with blamed_on(path, KeyError, TypeError, AttributeError, ValueError, problem=_NO_BABEL):
+        for take in read_json_file(path).values():
+            name = Path(take["feat_p"]).with_suffix("").as_posix()
+            name = name if name in names else name.partition("/")[2]
+            by_file[name] = entry = _Annotations(split=split)
+            whole, parts = take.get("seq_ann") or {}, take.get("frame_ann") or {}
+            for label in (*whole.get("labels", ()), *parts.get("labels", ())):
+                where = f"{path}: {name}"
+                span = [_seconds(label.get(key), where) for key in ("start_t", "end_t")]
+                if label["raw_label"] != "transition":  # which says nothing of the motion
+                    entry.sentences.append(TaggedSentence(str(label["raw_label"]), "", *span))
+    return by_file
+
+
+_NO_BABEL = "no labels of BABEL ({error}); expected its train.json, val.json or test.json"
+
+
+def _seconds(text: str | float | None, where: str) -> float:
     try:
         seconds = float(text or 0)
     except ValueError:
         seconds = math.nan
     if not math.isfinite(seconds):
-        raise DataError(f"{where}: expected seconds in from and to, found {text[:40]!r}")
+        raise DataError(f"{where}: expected seconds in from and to, found {text!r:.40}")
     return seconds
