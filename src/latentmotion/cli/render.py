@@ -38,9 +38,6 @@ _USED_BY = {
 # Maximum frames per second of a video by default.
 _SMOOTH = {".mp4": 30.0, ".gif": 15.0}
 
-# Pixels of a GIF's width at most by default, so that pages and README files take it.
-_GIF_WIDTH = 1024
-
 _INPUT = f"Motion files: {' '.join(formats.READABLE)}. Each motion in them is a take."
 
 
@@ -114,12 +111,7 @@ class Render(options.MotionOptions):
                 usual_fps = min(motions[0].fps, _SMOOTH[ending])
                 fps = usual_fps if self.output_fps is None else self.output_fps
                 takes = [motion.resampled(fps) for motion in motions]
-                usual = video.SIZE
-                if ending == ".gif" and len(takes) > 1:
-                    usual = min(usual, video.size_of(_GIF_WIDTH, len(takes)))
-                video.write(
-                    path, takes, usual if self.size is None else self.size, self.camera, figure
-                )
+                video.write(path, takes, self.size, self.camera, figure)
             elif self.figure in (None, "mannequin"):
                 page.write_page(path, motions)
             elif self.figure == "stick":

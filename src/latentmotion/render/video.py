@@ -37,6 +37,9 @@ SIZES = (96, 4096)
 # Greatest rate of a GIF: programs slow down faster ones.
 _GIF_FPS = 50
 
+# Pixels that a GIF of several takes is wide at most: four takes of 9 s have 3 MB.
+_GIF_WIDTH = 1024
+
 # Colors of a GIF.
 _GIF_COLORS = 64
 
@@ -52,7 +55,7 @@ _X264 = {"crf": "18", "preset": "veryfast"}
 def write(
     path: str | Path,
     motions: Sequence[Motion],
-    size: int = SIZE,
+    size: int | None = None,
     view: View = "follow",
     figure: Figure = mannequin_of,
 ) -> list[Path]:
@@ -61,7 +64,8 @@ def write(
     Args:
         path: The file; its ending chooses the format.
         motions: Takes of one frame rate; the shorter ones wait at their last frame.
-        size: Height of the picture, pixels; an even number.
+        size: Height of the picture, pixels; an even number. None for 512, or less for a GIF of
+            several takes.
         view: Whether each take's camera follows its person, or stays where it sees all.
         figure: Kind of figure.
 
@@ -72,13 +76,17 @@ def write(
     """
     if len(motions) > MOST_TAKES:
         raise InputError(f"{len(motions)} takes in one video; expected at most {MOST_TAKES}")
+    is_gif = Path(path).suffix.lower() == ".gif"
+    if size is None:
+        is_wide = is_gif and len(motions) > 1
+        size = min(SIZE, _height_of(_GIF_WIDTH, len(motions))) if is_wide else SIZE
     if len({motion.fps for motion in motions}) > 1:
         raise InputError("the takes of one video must share a frame rate; write several files")
     if size % 2 or not SIZES[0] <= size <= SIZES[1]:
         raise InputError(
             f"a video of size {size}; expected an even number {SIZES[0]} to {SIZES[1]}"
         )
-    if Path(path).suffix.lower() != ".gif":
+    if not is_gif:
         with atomic_file(path) as temporary:
             _write_mp4(temporary, frames(motions, size, view, figure), motions[0].fps)
         return [Path(path)]
@@ -98,7 +106,7 @@ def write(
     return [Path(path)]
 
 
-def size_of(width: int, takes: int) -> int:
+def _height_of(width: int, takes: int) -> int:
     """Returns the height of a video of several takes that is at most so wide, pixels."""
     return max(SIZES[0], width // takes * 4 // 3 // 2 * 2)
 
