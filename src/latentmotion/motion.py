@@ -26,6 +26,7 @@ from latentmotion.storage.limits import FARTHEST, LEAST_FPS, MOST_FPS
 if TYPE_CHECKING:
     from latentmotion.kinematics.recorded import Recorded
     from latentmotion.kinematics.standing import Stated
+    from latentmotion.measure.objects import ImpliedObject
 
 
 _OF_FRAMES = ("goals", "spans", "foot_sliding", "turn", "count", "loop")
@@ -100,6 +101,19 @@ class Motion:
         motion = replace(self)
         object.__setattr__(motion, "recorded", recorded)
         return motion
+
+    @cached_property
+    def objects(self) -> tuple[ImpliedObject, ...]:
+        """Seats, steps and boxes that carry the body, from its joints and its caption.
+
+        Files that have nodes get one for each, named as `seat at 0.45 m`.
+        """
+        from latentmotion.language.reading import claims_of
+        from latentmotion.measure.objects import implied_objects
+
+        if self.skeleton.names != HUMANML3D.names:
+            return ()
+        return implied_objects(self.joints, self.fps, {one.kind for one in claims_of(self.caption)})
 
     def animation(self) -> Animation:
         """Returns the local rotations whose forward kinematics are these joints."""

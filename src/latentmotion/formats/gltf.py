@@ -7,7 +7,7 @@ Source: Khronos glTF 2.0 specification, https://registry.khronos.org/glTF/specs/
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Iterator, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -74,10 +74,13 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = Tru
         children = list(skeleton.children(joint))
         nodes.append({"name": name, **rest_pose} | ({"children": children} if children else {}))
     document = Document({"asset": {"version": "2.0", "generator": "latentmotion"}, "scene": 0})
+    figure = [0, len(skeleton)] if mesh else [0]
+    nodes += [{"name": "mannequin", "mesh": 0, "skin": 0}] if mesh else []
+    objects = [*_objects(motions)] if mesh else []
     # One skin and one mesh for all takes: programs list the animations of one figure.
     document.json |= {
-        "scenes": [{"nodes": [0, len(skeleton)] if mesh else [0]}],
-        "nodes": [*nodes, {"name": "mannequin", "mesh": 0, "skin": 0}] if mesh else nodes,
+        "scenes": [{"nodes": [*figure, *range(len(nodes), len(nodes) + len(objects))]}],
+        "nodes": [*nodes, *objects],
         **(_figure(mannequin_of(skeleton), axes, document) if mesh else {}),
         "animations": [
             _animation(motion, animation, axes, moving, turning, number, document)
@@ -85,6 +88,19 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = Tru
         ],
     }
     return document
+
+
+def _objects(motions: Sequence[Motion]) -> Iterator[dict[str, Any]]:
+    """Yields a node without a mesh for each object that a take needs, at the middle of its top."""
+    for number, motion in enumerate(motions, 1):
+        for one in motion.objects:
+            turn = np.radians(one.degrees) / 2
+            yield {
+                "name": one.name if len(motions) == 1 else f"{number}: {one.name}",
+                "translation": [one.place[0], one.height, one.place[1]],
+                "rotation": [0.0, float(np.sin(turn)), 0.0, float(np.cos(turn))],
+                "extras": one.about(),
+            }
 
 
 def _standing(skeleton: Skeleton) -> Float[np.ndarray, " 3"]:

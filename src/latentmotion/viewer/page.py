@@ -209,14 +209,15 @@ _MOST_MARKS = 500
 
 
 def marks_of(motion: Motion) -> dict[str, Any]:
-    """Returns goals and spans of a motion's metadata for the page; absent kinds are left out.
+    """Returns goals, spans and objects of a motion for the page; absent kinds are left out.
 
     Metadata may come from any file: what is not of the expected form is left out, too.
 
     Returns:
         `goals`: joint, at (seconds) and to (meters); `path`: at and to (x and z) of the points that
         the pelvis passes; `poses`: seconds of keyframes; `spans`: prompt, start and end (seconds),
-        and the part of the body if it is of one.
+        and the part of the body if it is of one; `boxes`: what carries the body, see
+        `Motion.objects`.
     """
     goals = list(_entries(motion, "goals"))
     poses = sorted({float(g["at"]) for g in goals if "pose" in g and _is_time(g.get("at"), motion)})
@@ -244,7 +245,8 @@ def marks_of(motion: Motion) -> dict[str, Any]:
         and _is_number(span.get("end"))
         and 0 <= span["start"] < span["end"] <= motion.seconds + 1
     ]
-    kinds = {"goals": points, "path": path, "poses": poses, "spans": spans}
+    boxes = [{"name": one.name, **one.about()} for one in motion.objects]
+    kinds = {"goals": points, "path": path, "poses": poses, "spans": spans, "boxes": boxes}
     return {name: marks[:_MOST_MARKS] for name, marks in kinds.items() if marks}
 
 

@@ -1,4 +1,4 @@
-// What was asked of a motion: goals with names, the path with times, ghosts at keyframes.
+// Marks of a motion: goals with names, the path with times, ghosts at keyframes, boxes that carry it.
 
 import * as THREE from "three";
 import { ghost } from "./figure.js";
@@ -10,7 +10,7 @@ const LIFT = 0.006; // meters of the path above the floor
 export class Marks {
   /** `skinOf` returns the skin of ghosts; the last is the [x, z] shift of the take. */
   constructor(motion, skinOf, color, [dx, dz]) {
-    const { goals = [], path = [], poses = [] } = motion.marks;
+    const { goals = [], path = [], poses = [], boxes = [] } = motion.marks;
     this.goals = goals.map((goal) => new Goal(goal, color));
     this.stops = path.map((stop) => new Stop(stop, color));
     this.object = new THREE.Group();
@@ -21,6 +21,7 @@ export class Marks {
       figure.showTime(time);
       this.object.add(figure.object);
     }
+    for (const box of boxes) this.object.add(carrier(box));
     this.object.position.set(dx, 0, dz);
   }
 
@@ -64,6 +65,16 @@ class Stop {
     this.disc.scale.setScalar(1 + near);
     this.disc.material.opacity = 0.6 + 0.4 * near;
   }
+}
+
+// A plain box with the top on which somebody sits or stands.
+function carrier({ name, height, place: [x, z], size: [width, depth], degrees }) {
+  const material = new THREE.MeshStandardMaterial({ color: 0x8a93a0, transparent: true, opacity: 0.45 });
+  const box = new THREE.Mesh(new THREE.BoxGeometry(width, height, depth), material);
+  box.position.set(x, height / 2, z);
+  box.rotation.y = (degrees * Math.PI) / 180;
+  box.name = name;
+  return box;
 }
 
 function curve(path, color) {

@@ -1,7 +1,7 @@
 // The parts of three.js in viewer.js that the studio's script uses, too, so that it need not hold them again.
 
 export {
-  AnimationClip, AnimationMixer, Bone, Box2, Box3, BufferAttribute, BufferGeometry, CanvasTexture, CatmullRomCurve3,
+  AnimationClip, AnimationMixer, Bone, Box2, Box3, BoxGeometry, BufferAttribute, BufferGeometry, CanvasTexture, CatmullRomCurve3,
   CircleGeometry, ClampToEdgeWrapping, Color, ColorManagement, Controls, CylinderGeometry, DetachedBindMode,
   DirectionalLight, DoubleSide, FileLoader, Float32BufferAttribute, FrontSide, Group, HemisphereLight,
   ImageBitmapLoader, InstancedBufferAttribute, InstancedMesh, InterleavedBuffer, InterleavedBufferAttribute,
