@@ -102,6 +102,7 @@ __all__ = [
 
 # What a motion does by rooms above it, which it does not import.
 register("motion.cleaned", "latentmotion.cleanup:clean")
+register("motion.objects", "latentmotion.formats.objects:objects_of")
 register("motion.notebook", "latentmotion.formats.notebook:bundle")
 register("motion.load", "latentmotion.formats:load")
 register("motion.save", "latentmotion.formats:save")

@@ -108,12 +108,7 @@ class Motion:
 
         Files that have nodes get one for each, named as `seat at 0.45 m`.
         """
-        from latentmotion.language.reading import claims_of
-        from latentmotion.measure.objects import implied_objects
-
-        if self.skeleton.names != HUMANML3D.names:
-            return ()
-        return implied_objects(self.joints, self.fps, {one.kind for one in claims_of(self.caption)})
+        return registered("motion.objects")(self)
 
     def animation(self) -> Animation:
         """Returns the local rotations whose forward kinematics are these joints."""

@@ -74,8 +74,8 @@ _ENDS = ("pelvis", "head", "shoulder", "wrist", "knee", "ankle")
 
 # Updates of the latents after sampling where there are poses, which latents do not meet exactly;
 # what is left is as much after more, and less damping makes the motion jerk. Moving the estimates
-# during sampling, too, gains nothing there.
-_POSED = ReachSettings(updates=3, tolerance=5e-3, damping=0.1)
+# during sampling, too, gains nothing there, and one Jacobian serves for all updates.
+_POSED = ReachSettings(updates=3, tolerance=5e-3, damping=0.1, keeps=1.0)
 
 # Instants at which sampling is directed to a goal that holds: one in so many seconds.
 _MOST_INSTANTS, _SPACING = 12, 0.3

@@ -45,9 +45,6 @@ Sample = Callable[[int, Callable[[np.ndarray], np.ndarray]], Float[np.ndarray, "
 # Most halvings of a step that brings joints no nearer to their goals.
 _HALVINGS = 4
 
-# Share of what was missing that may be left after a step for its Jacobian to serve again.
-_KEEPS = 0.3
-
 
 @runtime_checkable
 class Residual(Protocol):
@@ -144,6 +141,8 @@ class ReachSettings:
     """λ, as a share of the mean of J Jᵀ's diagonal."""
     cap: float = 0.5
     """Root mean square, in the denoiser's scale, of one step at most."""
+    keeps: float = 0.3
+    """Share of what was missing that may be left after a step for its Jacobian to serve again."""
     checked: bool = True
     """Halve a step that brings joints no nearer. Without, the last step needs no decoding."""
 
@@ -185,7 +184,8 @@ def reach(
             joints = motion.representation.decode(features)
             after = residual(joints)
             if not settings.checked or (after**2).sum() < (missing**2).sum():
-                rows = rows if (after**2).sum() < _KEEPS**2 * (missing**2).sum() else None
+                kept = (after**2).sum() < settings.keeps**2 * (missing**2).sum()
+                rows = rows if kept else None
                 z, missing = z + step, after
                 break
             step = step / 2
