@@ -46,8 +46,8 @@ above do not change."""
 SAME = 0.85
 """Cosine from which a caption of the index says the same as one that it was thinned from."""
 
-REPEATED = 0.88
-"""Cosine from which a wording repeats another: one in ten; what the rest finds hardly changes."""
+REPEATED = 0.82
+"""Cosine from which a wording repeats another: one in five; what the rest finds hardly changes."""
 
 NEAR_WORDING, NEAR_CAPTION = 0.7, 0.78
 """Cosine from which a sentence says what a wording does, and from which its own words are near
