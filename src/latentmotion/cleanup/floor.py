@@ -117,7 +117,9 @@ def _still(
     windows = np.lib.stride_tricks.sliding_window_view
     whole = windows(calm, width, axis=0).all(axis=-1)
     padding = np.zeros((width - 1, *calm.shape[1:]), bool)
-    return windows(np.concatenate([padding, whole, padding]), width, axis=0).any(axis=-1)
+    return np.asarray(
+        windows(np.concatenate([padding, whole, padding]), width, axis=0).any(axis=-1)
+    )
 
 
 @lru_cache(maxsize=16)
