@@ -16,7 +16,7 @@ from tests.studio.conftest import made
 
 def take(claims: float = 0.0, text: float = 0.0, sliding: float = 0.0) -> Take:
     motion = Motion(np.zeros((4, 22, 3), "f4"))
-    return Take(motion, 0.0, claims, text, sliding, 0.0, 0.0, 0.0)
+    return Take(motion, 0.0, claims, text, sliding, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -157,9 +157,15 @@ class ClipStarts:
             parts = [whole]
         support = min(part.support for part in parts)
         # Noise has the count or the turn that a sentence asks for exactly more often than a clip,
-        # but for a clip that was shown for it.
+        # but for a clip that was shown for it, or drawn for the same.
+        exactly = asked_exactly(reading.sentence, any_length=True)
+        captions = (
+            asked_exactly(part.neighbors[0].caption.text, any_length=True) for part in parts
+        )
         given = all(part.is_given for part in parts)
-        exact = not given and asked_exactly(reading.sentence, any_length=True) != NO_CORRECTIONS
+        shown = given and all(part.support == SHOWN for part in parts)
+        same = given and exactly in captions
+        exact = exactly != NO_CORRECTIONS and not shown and not same
         rare = support <= (USUAL if reading.caption else RARE) and not exact
         return parts if rare and all(part.is_near for part in parts) else []
 
