@@ -255,7 +255,7 @@ def test_four_takes_move_on_one_clock(page):
     assert asked(page, "player.stage.figures.length") == 4
     before = asked(page, "player.takes.map((take) => [...take.sample(0)])")
     page.keyboard.press("Space")
-    until(page, "player.timeline.time > 1")
+    until(page, "player.timeline.time > 2")
     page.keyboard.press("Space")
     after = asked(page, "player.takes.map((take) => [...take.sample(player.timeline.time)])")
     moved = np.abs(np.subtract(after, before)).max(axis=1)
