@@ -162,10 +162,9 @@ class ClipStarts:
         captions = (
             asked_exactly(part.neighbors[0].caption.text, any_length=True) for part in parts
         )
-        given = all(part.is_given for part in parts)
-        shown = given and all(part.support == SHOWN for part in parts)
-        same = given and exactly in captions
-        exact = exactly != NO_CORRECTIONS and not shown and not same
+        shown = all(part.support == SHOWN for part in parts)
+        drawn = all(part.is_given for part in parts) and exactly in captions
+        exact = exactly != NO_CORRECTIONS and not (shown or drawn)
         rare = support <= (USUAL if reading.caption else RARE) and not exact
         return parts if rare and all(part.is_near for part in parts) else []
 
