@@ -66,7 +66,7 @@ from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.retrieval.doubts import DoubtWarning, Reading
 from latentmotion.text.cache import MAX_PROMPTS, CachedTextEncoder, MemoryCachedTextEncoder
-from latentmotion.text.encoder import LazyTextEncoder, UnknownWordsWarning
+from latentmotion.text.encoder import LazyTextEncoder, silent_of_unknown
 from latentmotion.text.lengths import TAKE_QUANTILES, LengthFile, within
 
 if TYPE_CHECKING:
@@ -632,8 +632,7 @@ class MotionPipeline(PickledByFields):
         sentence = translation.english if translation else prompt
         if clips is None:
             return Reading.of(sentence)
-        with warnings.catch_warnings():  # of words that the denoiser need not read
-            warnings.simplefilter("ignore", UnknownWordsWarning)
+        with silent_of_unknown():  # words that the denoiser need not read
             return clips.doubts.read(sentence)
 
     @cached_property

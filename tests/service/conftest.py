@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import traceback
 from collections.abc import AsyncIterator, Awaitable, Iterator
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager
 from typing import Any
@@ -25,7 +26,16 @@ async def serving(
 ) -> AsyncIterator[httpx.AsyncClient]:
     """Yields a client of a service that runs, and its app as `client.app`."""
     app = app or create_app(settings)
-    transport = httpx.ASGITransport(app, raise_app_exceptions=False)
+    called_app = app
+
+    async def logged(scope: Any, receive: Any, send: Any) -> None:
+        try:
+            await called_app(scope, receive, send)
+        except Exception:  # the server's log would have it
+            traceback.print_exc()
+            raise
+
+    transport = httpx.ASGITransport(logged, raise_app_exceptions=False)
     headers = {"Authorization": f"Bearer {token}"} if token else {}
     called = httpx.AsyncClient(transport=transport, base_url="http://localhost", headers=headers)
     async with app.router.lifespan_context(app), called as client:

@@ -7,7 +7,9 @@ import errno
 import io
 import json
 import os
+import sys
 import tempfile
+import warnings
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -164,6 +166,31 @@ def test_a_job_lets_other_files_go_first(
         assert (state.state, state.error) == ("done", None)
 
     called.wait(talk())
+
+
+def test_a_service_leaves_the_filters_of_warnings_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are the process's: one thread that turns them off would undo what another one set."""
+
+    callers: set[str] = set()
+    enter = warnings.catch_warnings.__enter__
+
+    def noted(self: warnings.catch_warnings[Any]) -> Any:
+        callers.add(sys._getframe(1).f_globals["__name__"])
+        return enter(self)
+
+    async def make() -> dict[str, Any]:
+        async with serving(Settings(jobs=tmp_path, file_workers=1)) as client:
+            with monkeypatch.context() as patched:
+                patched.setattr(warnings.catch_warnings, "__enter__", noted)
+                assert (await client.get("/v1/jobs/" + "0" * 32)).status_code == 404
+                added = await client.post("/v1/jobs", json=ASKED)
+                return await done(client, added.headers["location"])
+
+    assert asyncio.run(make())["error"] is None
+    # Checks of types, which run in tests alone, do it for each function's first call.
+    assert not {name for name in callers if not name.startswith("beartype")}
 
 
 def test_what_a_killed_process_left_is_taken_up(

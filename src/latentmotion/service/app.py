@@ -145,6 +145,9 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
 
 @asynccontextmanager
 async def _lifespan(service: Service, jobs: Jobs, app: FastAPI) -> AsyncIterator[None]:
+    # FastAPI builds a route when it is first asked for, with warnings turned off for the process;
+    # now no other thread does the same, and no request waits for it.
+    app.openapi()
     tasks = [asyncio.create_task(work) for work in (service.start(), service.watch(), jobs.work())]
     yield
     service.drain()

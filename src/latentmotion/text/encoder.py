@@ -10,7 +10,9 @@ from __future__ import annotations
 import json
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -231,9 +233,22 @@ MOST_NAMED = 12
 """Unknown words that a warning names."""
 
 
+_SILENT = ContextVar("silent", default=False)
+
+
+@contextmanager
+def silent_of_unknown() -> Iterator[None]:
+    """Keeps this thread from warning of unknown words; filters of warnings are the process's."""
+    token = _SILENT.set(True)
+    try:
+        yield
+    finally:
+        _SILENT.reset(token)
+
+
 def warn_of_unknown(words: Iterable[str]) -> None:
     """Warns of the words, each named once, if there are any."""
-    unknown = list(dict.fromkeys(words))
+    unknown = [] if _SILENT.get() else list(dict.fromkeys(words))
     shown = [word if len(word) <= 40 else f"{word[:40]}…" for word in unknown[:MOST_NAMED]]
     if shown:
         named = ", ".join(map(repr, shown))

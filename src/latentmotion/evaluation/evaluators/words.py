@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +24,7 @@ from latentmotion.data.clip import Caption
 from latentmotion.errors import FileFormatError, ModelError
 from latentmotion.storage import pickles
 from latentmotion.storage.array_files import read_array
-from latentmotion.text.encoder import UnknownWordsWarning
+from latentmotion.text.encoder import silent_of_unknown
 
 MAX_WORDS = 20
 """Most words of a sentence."""
@@ -199,9 +198,8 @@ class EncodedWords:
 
     def __call__(self, captions: Sequence[Caption]) -> Sentences:
         """Returns the word pieces of captions."""
-        with warnings.catch_warnings():
+        with silent_of_unknown():
             # Misspelled captions of a data set are not the user's.
-            warnings.simplefilter("ignore", UnknownWordsWarning)
             encoded = self.encoder([caption.text for caption in captions])
         rows = [words[mask] for words, mask in zip(encoded.words, encoded.mask, strict=True)]
         other = PARTS_OF_SPEECH.index(OTHER)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,7 +23,7 @@ from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.checkpoint import LatentModel
-from latentmotion.text.encoder import UnknownWordsWarning
+from latentmotion.text.encoder import silent_of_unknown
 from latentmotion.text.lengths import LengthFile
 from latentmotion.training.captioning.clauses import read_clauses
 from latentmotion.training.captioning.rewording import rewordings, written_wordings
@@ -351,8 +350,7 @@ def drawn_crops(
             "objective.asked: the teacher has no lengths of sentences; export it with --length"
         )
     drawn = drawn_instructions(objective.asked, seed + 1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnknownWordsWarning)  # nobody typed these prompts
+    with silent_of_unknown():  # nobody typed these prompts
         usual = lengths.usual(
             required_encoder(encoder)([instruction.prompt for instruction in drawn]).pooled
         )

@@ -22,7 +22,6 @@ import json
 import random
 import re
 import tomllib
-import warnings
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -40,7 +39,7 @@ from latentmotion.language.inflection import present_participle, third_person
 from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
 from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, teacher_state
 from latentmotion.storage.files import atomic_file
-from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning, split_words
+from latentmotion.text.encoder import StudentTextEncoder, silent_of_unknown, split_words
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.loop import Stage, train
@@ -274,8 +273,7 @@ def write_card(
 ) -> None:
     """Writes the card of an exported student: origin, agreement with the teacher, speed, sizes."""
     student = StudentTextEncoder.load(folder)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnknownWordsWarning)
+    with silent_of_unknown():
         figures = text_data.compare(student(held_out.sentences).pooled, held_out.pooled)
         pace = text_data.milliseconds(student, held_out.sentences[:300])
     card = {
