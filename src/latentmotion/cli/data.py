@@ -173,10 +173,13 @@ class _PrepareOwnFiles(options.ReadingOptions, _PrepareInParts):
                 raise InputError(f"{folder}: all names of joints are known, so no map is needed")
             write_draft(self.draft_map, skeleton)
             return
+        captions = [motions.captions] if motions.captions else []
+        if motions.captions and motions.captions.is_dir():  # its texts are files of the groups
+            captions = sorted(motions.captions.glob("*.txt"))
         # What decides how motion files are read: other files are no part of the same run.
         settings = {
             "source": self.name,
-            "captions": motions.captions and sha256(motions.captions),
+            "captions": [sha256(path) for path in captions],
             "map": [sha256(path) for path in self.map],
             **{name: getattr(self, name) for name in ("fps", "unit", "up")},
             **{
@@ -317,11 +320,12 @@ class PrepareOwn(_PrepareOwnFiles):
     folder: options.Folder
     """Folder of motion files, nested in any way."""
     captions: Path | None = None
-    """CSV file with the columns file and caption, and optionally from, to (seconds), split,
-    action; or BABEL's train.json, val.json or test.json beside AMASS's files."""
+    """CSV file with the columns file and caption, and optionally from, to (seconds), split, action;
+    BABEL's train.json, val.json or test.json beside AMASS's files; or a folder with a text for each
+    motion, as Motion-X's semantic_labels."""
     hands: bool = False
-    """Keep fingers of AMASS's SMPL-H and SMPL-X files as 30 joints more than the body's 22; other
-    files are left out."""
+    """Keep fingers of AMASS's SMPL-H and SMPL-X files and of Motion-X's as 30 joints more than the
+    body's 22; other files are left out."""
     generated: bool = False
     """Also take `.npz` files of motions that a model generated; else they are left out."""
 

@@ -119,20 +119,23 @@ def _motions(path: str | Path, arrays: Mapping[str, np.ndarray]) -> list[Motion]
 def read_joints(path: str | Path) -> list[SkeletonTake] | list[Motion]:
     """Reads a bare `.npy` array of joints (frames, joints, 3), as HumanML3D and KIT publish them.
 
-    An array of objects is what TRAM writes.
+    An array of objects is what TRAM writes, one of 322 numbers a frame is Motion-X's.
 
     Raises:
         FileFormatError: The file is damaged, or holds something else.
     """
-    from latentmotion.formats import smpl_results
+    from latentmotion.formats import smpl_npz, smpl_results
 
     if holds_objects(path):
         return smpl_results.read(path)
+    joints = read_array(path)
+    if joints.shape[1:] == (smpl_npz.MOTIONX_NUMBERS,) and joints.dtype.kind in "fiu":
+        return [smpl_npz.motionx_take(path, joints)]
     try:
-        joints = read_array(path)
         skeleton = _KNOWN[joints.shape[1]]
         # Bare joints do not say their rate: these are the data sets' own.
         return [Motion(joints, fps=12.5 if skeleton is KIT else 20.0, skeleton=skeleton)]
     except (ValueError, KeyError, IndexError, LatentMotionError) as error:
         expected = f"expected an array (frames, {' or '.join(map(str, _KNOWN))}, 3)"
-        raise FileFormatError(path, f"{expected} of joint positions ({error})") from error
+        problem = f"{expected} of joint positions, or Motion-X's (frames, 322) ({error})"
+        raise FileFormatError(path, problem) from error

@@ -6,12 +6,15 @@
                  gender, mocap_frame_rate; z up; what SMPL-X's Blender add-on loads
     .smpl.npz    the arguments of the `smplx` package: global_orient, body_pose (frames, 69),
                  transl, betas, gender, fps; y up
+    .npy         SMPL-X as Motion-X publishes it: (frames, 322), y up, without a frame rate; read
+                 only. Pose of root and body (66 numbers), hands (90), jaw (3), expression (50),
+                 face (100), translation (3), betas (10)
 
 Rotations are axis times angle, relative to the parent, from SMPL's T-pose. SMPL's files are not
 ours to ship, so two things are approximate: the T-pose is our own (`skeleton.BODY`), whose bones
 point some 3° away from SMPL's in arms and legs, 6° to 13° in feet, hips, collarbones and spine; and
 with `betas` of zero the body has SMPL's mean bone lengths, not the motion's. Fingers and face rest.
-Loper et al., "SMPL", 2015; Mahmood et al., "AMASS", ICCV 2019.
+Loper et al., "SMPL", 2015; Mahmood et al., "AMASS", ICCV 2019; Lin et al., "Motion-X", 2023.
 """
 
 from __future__ import annotations
@@ -27,9 +30,9 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, InputError
-from latentmotion.formats.takes import numbered, parse_notes
+from latentmotion.formats.takes import SkeletonTake, numbered, parse_notes
 from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
-from latentmotion.kinematics.skeleton import BODY, HUMANML3D, Skeleton
+from latentmotion.kinematics.skeleton import BODY, HUMANML3D, Animation, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import rotations_from
 from latentmotion.storage.array_files import write_arrays
@@ -162,6 +165,33 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
         raise FileFormatError(path, "says no frame rate; expected mocap_framerate or fps")
     with blamed_on(path):
         return Motion(joints, rates[0], caption=caption, metadata=notes)
+
+
+MOTIONX_NUMBERS = 322
+"""Numbers of a frame of Motion-X."""
+
+# Motion-X has 30 frames per second, but for what its own scripts (humanml.py, grab.py) take at 20.
+_MOTIONX_FPS, _AT_20 = 30.0, {"humanml", "GRAB"}
+
+
+def motionx_take(path: str | Path, frames: Float[np.ndarray, "frames 322"]) -> SkeletonTake:
+    """Returns the body in an array of Motion-X, on our own bones; hands and face are left out.
+
+    Args:
+        path: Its file; a folder `humanml` or `GRAB` says that it has 20 frames per second.
+        frames: The array.
+
+    Raises:
+        FileFormatError: It has no frames, or numbers that are none.
+    """
+    frames = np.asarray(frames, np.float64)
+    if not len(frames) or not (np.abs(frames) < MOST_NUMBER).all():
+        raise FileFormatError(path, "holds no frames, or NaN or infinite numbers; cut or repair it")
+    rotations = matrix_from_axis_angle(frames[:, : 3 * _JOINTS].reshape(-1, _JOINTS, 3))
+    fps = 20.0 if _AT_20 & set(Path(path).parts) else _MOTIONX_FPS
+    return SkeletonTake(
+        Animation(smpl_body(_JOINTS), rotations, frames[:, 309:312] + _PELVIS_X, fps)
+    )
 
 
 def _parameters(

@@ -4,12 +4,14 @@
     captions.csv            columns file, caption; also: from, to (seconds; by default the end),
                             split, action
     train.json              BABEL's labels of AMASS's files (Punnakkal et al., CVPR 2021)
+    semantic_labels/        a folder of texts by the same paths as the motions, as Motion-X has it;
+                            lists in it, train.txt, val.txt and test.txt, are the splits
     LABEL/take.bvh          where folders are labels: each file is of that action
     test/LABEL/take.bvh     and of that split, if the first folder is train, val or test
 
-Files are BVH, FBX (through Blender), GLB, AMC, USD, NPZ or of a plugin's format. Each animation
-becomes one clip; where it jumps, it is cut, and the longest part keeps the name. Mirrored copies
-get the same sentences with left and right swapped.
+Files are BVH, FBX (through Blender), GLB, AMC, USD, NPZ, Motion-X's NPY or of a plugin's format.
+Each animation becomes one clip; where it jumps, it is cut, and the longest part keeps the name.
+Mirrored copies get the same sentences with left and right swapped.
 """
 
 from __future__ import annotations
@@ -62,8 +64,8 @@ from latentmotion.kinematics.standing import Stated
 from latentmotion.progress import counted
 from latentmotion.storage.reading import blamed_on, read_json_file, read_table, read_text
 
-# Endings that `formats` reads, but that are captions, arrays and checkpoints in such a folder.
-_NO_MOTION = (".csv", ".npy", ".pkl", ".pt")
+# Endings that `formats` reads, but that are captions and checkpoints in such a folder.
+_NO_MOTION = (".csv", ".pkl", ".pt")
 
 # Least degrees between a T-pose that was put before a motion and the motion itself.
 _LEAST_MOVED = 6.0
@@ -89,7 +91,8 @@ class OwnMotions:
     source: Source
     """Origin and terms to record."""
     captions: Path | None = None
-    """A CSV, or BABEL's JSON; without it captions are in `.txt` files beside the motions."""
+    """A CSV, BABEL's JSON, or a folder of `.txt` files by the paths of the motions; without it they
+    are beside the motions."""
     stated: Stated | None = None
     """Unit, up axis, frame rate and joint maps of all files, where these say them wrongly or not at
     all; by default found for each by itself."""
@@ -127,7 +130,9 @@ class OwnMotions:
         if any(path.suffix.lower() == ".fbx" for path in paths.values()):
             fbx.check_ready()
         listed: dict[str, _Annotations] = {}
-        if self.captions:
+        if self.captions and self.captions.is_dir():
+            listed = _read_splits(self.captions)
+        elif self.captions:
             babel = self.captions.suffix.lower() == ".json"
             listed = _read_babel(self.captions, paths) if babel else _read_csv(self.captions)
         # Captions of files that are not there belong to the first group, which tells of them.
@@ -135,7 +140,7 @@ class OwnMotions:
         groups = []
         for some in in_groups(list(paths.items()), size):
             unmatched |= {name: listed[name] for name, _ in some if name in listed}
-            beside = [path.with_suffix(".txt") for _, path in some]
+            beside = [self._texts(path) for _, path in some]
             files = (*(path for _, path in some), *(text for text in beside if text.is_file()))
             groups.append(FileGroup(files, partial(self._read, dict(some), unmatched)))
             unmatched = {}
@@ -153,15 +158,17 @@ class OwnMotions:
         for name, path in counted(paths.items(), "motion files"):
             try:
                 entry = listed.get(name) or self._annotations_beside(path)
-                fingers, face = smpl_hands.hand_poses(path), smpl_hands.face_moves(path)
-                takes = self._takes(path) if not self.hands else self._with_hands(path, fingers)
+                if self.captions and self.captions.is_dir():  # which lists splits, no sentences
+                    entry = replace(self._annotations_beside(path), split=entry.split)
+                body = smpl_hands.whole_body(path)
+                takes = self._with_hands(path, body) if self.hands else self._takes(path)
             except (FileFormatError, DataError, InputError) as error:
                 yield Dropped(name, "clip", str(error))
                 continue
-            if fingers is not None and not self.hands:
+            if body and body.hands is not None and not self.hands:
                 yield Dropped(name, "part", "the poses of its fingers; --hands keeps them")
-            if face:
-                yield Dropped(name, "part", "the poses of its jaw and eyes")
+            if body and body.face_moves:
+                yield Dropped(name, "part", "the poses of its face: jaw, eyes, expression")
             action = entry.action
             # By hash, so that more files never move a file to another split.
             draw = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") / 2**32
@@ -203,7 +210,7 @@ class OwnMotions:
 
     def _annotations_beside(self, path: Path) -> _Annotations:
         """Returns the sentences beside a file, and the labels that its folders are."""
-        texts = path.with_suffix(".txt")
+        texts = self._texts(path)
         sentences = parse_sentences(read_text(texts)) if texts.is_file() else ()
         if not self.labelled:
             return _Annotations(list(sentences))
@@ -214,13 +221,21 @@ class OwnMotions:
             raise DataError("lies in no folder whose name is its action")
         return _Annotations(list(sentences), split, labels[-1])
 
+    def _texts(self, path: Path) -> Path:
+        """Returns where the sentences of a motion file are, if they are in a file of its name."""
+        if self.captions and self.captions.is_dir():
+            path = self.captions / path.relative_to(self.folder)
+        return path.with_suffix(".txt")
+
     def _with_hands(
-        self, path: Path, fingers: Float[np.ndarray, "_ 30 3"] | None
+        self, path: Path, body: smpl_hands.WholeBody | None
     ) -> list[Float[np.ndarray, "frames joints 3"]]:
-        if fingers is None:
-            raise FileFormatError(path, "has no poses of fingers, expected AMASS's SMPL-H or -X")
-        joints, fps = smpl_hands.joints_with_hands(path, fingers)
-        return [at_rate(joints, FPS, fps)]
+        if body is None or body.hands is None:
+            problem = "has no poses of fingers, expected AMASS's SMPL-H or SMPL-X, or Motion-X's"
+            raise FileFormatError(path, problem)
+        (motion,) = formats.load(path)
+        fps = self.stated.fps if self.stated and self.stated.fps else motion.fps
+        return [at_rate(body.joints(motion), FPS, fps)]
 
     def _takes(self, path: Path) -> list[Float[np.ndarray, "frames joints 3"]]:
         """Reads HumanML3D's joints of each animation, without a T-pose that was put before it."""
@@ -321,7 +336,8 @@ def find_motions(folder: Path) -> dict[str, Path]:
     if not folder.is_dir():
         raise DataError(f"no folder {folder}; it should hold your motion files")
     endings = _endings()
-    paths = files_below(folder, endings)
+    # Arrays give way to a motion of the same name, of which they may be features.
+    paths = sorted(files_below(folder, endings), key=lambda path: path.suffix.lower() != ".npy")
     if not paths:
         raise DataError(f"{folder}: expected motion files ({', '.join(endings)}), found none")
     return {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}
@@ -329,6 +345,16 @@ def find_motions(folder: Path) -> dict[str, Path]:
 
 def _endings() -> tuple[str, ...]:
     return tuple(ending for ending in formats.readable() if ending not in _NO_MOTION)
+
+
+def _read_splits(folder: Path) -> dict[str, _Annotations]:
+    """Reads the splits that lists in a folder of texts name, a file's path in a line."""
+    by_file: dict[str, _Annotations] = {}
+    for split in SPLITS:
+        if (path := folder / f"{split}.txt").is_file():
+            names = map(str.strip, read_text(path).splitlines())
+            by_file |= {name: _Annotations(split=split) for name in names}
+    return by_file
 
 
 def _read_csv(path: Path) -> dict[str, _Annotations]:

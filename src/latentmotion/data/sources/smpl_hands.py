@@ -1,89 +1,99 @@
-"""Hands of AMASS's SMPL-H and SMPL-X files, as 30 joints more than the body's 22.
+"""Hands of AMASS's and Motion-X's files, as 30 joints more than the body's 22.
 
-    poses   (frames, 156) of SMPL-H: body, hands; (frames, 165) of SMPL-X: body, jaw and eyes, hands
+    .npz   poses (frames, 156) of SMPL-H: body, hands; (frames, 165) of SMPL-X: body, jaw and eyes,
+           hands; z up
+    .npy   Motion-X's (frames, 322): body, hands, jaw, expression and more; y up
 
 Rotations are put on our own bones, fingers straight at rest; the mean hand of SMPL is not added.
-Mahmood et al., "AMASS", ICCV 2019; Romero et al., "Embodied Hands", 2017.
+Mahmood et al., "AMASS", ICCV 2019; Romero et al., "Embodied Hands", 2017; Lin et al., "Motion-X",
+2023.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
-from latentmotion.formats import smpl_npz
+from latentmotion.formats.smpl_npz import MOTIONX_NUMBERS
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import BODY, HANDS, HUMANML3D, Skeleton
-from latentmotion.storage.array_files import read_arrays
+from latentmotion.motion import Motion
+from latentmotion.storage.array_files import holds_objects, read_array, read_arrays
 from latentmotion.storage.limits import MOST_NUMBER
 
 BODY_JOINTS, HAND_JOINTS = len(HUMANML3D), len(HANDS) - len(HUMANML3D)
 
-# First number of the hands by the numbers of a frame.
-_HANDS_AT = {156: 66, 165: 75}
+_BODY = 3 * BODY_JOINTS
+
+# Where hands and face are among the numbers of a frame.
+_PLACES = {
+    156: (slice(_BODY, 156), slice(0)),
+    165: (slice(75, 165), slice(_BODY, 75)),
+    MOTIONX_NUMBERS: (slice(_BODY, 156), slice(156, 209)),  # jaw and expression
+}
 
 # Radians up to which hands count as resting.
 _MOVED = 1e-3
 
 
-def hand_poses(path: Path) -> Float[np.ndarray, "frames 30 3"] | None:
-    """Returns the rotation vectors of both hands; None if a file has none, or they rest.
+class WholeBody(NamedTuple):
+    """Poses of body, hands and face, as rotation vectors in the axes of their file."""
+
+    body: Float[np.ndarray, "frames 22 3"]
+    """Of HumanML3D's joints."""
+    hands: Float[np.ndarray, "frames 30 3"] | None
+    """None if they rest."""
+    face_moves: bool
+    """Whether jaw, eyes or expression move, which are never kept."""
+    z_up: bool
+    """Whether z is up, else y."""
+
+    def joints(self, motion: Motion) -> Float[np.ndarray, "frames 52 3"]:
+        """Returns positions of body and fingers, meters, y up.
+
+        Args:
+            motion: The body, as it was read from the same file.
+        """
+        hands = self.hands if self.hands is not None else np.zeros((len(motion), HAND_JOINTS, 3))
+        rotations = matrix_from_axis_angle(np.concatenate([self.body, hands], axis=1))
+        turned = _REST.forward_kinematics(rotations, np.zeros((len(motion), 3)))
+        if self.z_up:
+            turned = turned @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+        fingers = turned[:, BODY_JOINTS:] - turned[:, :1] + motion.joints[:, :1]
+        return np.concatenate([motion.joints, fingers], axis=1)
+
+
+def whole_body(path: Path) -> WholeBody | None:
+    """Returns the poses of a file; None if it has no places for hands.
 
     Raises:
         FileFormatError: The file is damaged, or holds NaN.
     """
-    poses = _poses(path)
-    if poses is None:
+    ending, poses = path.suffix.lower(), None
+    if ending == ".npz":
+        poses = read_arrays(path, lambda name, *_: name == "poses").get("poses")
+    elif ending == ".npy" and not holds_objects(path):
+        poses = read_array(path)
+    # Only SMPL-H and SMPL-X are in an .npz, only Motion-X is in an .npy.
+    if poses is None or poses.ndim != 2 or poses.shape[1] not in _PLACES:
         return None
-    start = _HANDS_AT[poses.shape[1]]
-    hands = poses[:, start : start + 3 * HAND_JOINTS].astype(np.float64)
-    return hands.reshape(-1, HAND_JOINTS, 3) if np.abs(hands).max(initial=0.0) > _MOVED else None
-
-
-def face_moves(path: Path) -> bool:
-    """Returns whether a file has poses of jaw and eyes, which are never kept.
-
-    Raises:
-        FileFormatError: The file is damaged, or holds NaN.
-    """
-    poses = _poses(path)
-    if poses is None:
-        return False
-    face = poses[:, 3 * BODY_JOINTS : _HANDS_AT[poses.shape[1]]]
-    return bool(np.abs(face).max(initial=0.0) > _MOVED)
-
-
-def _poses(path: Path) -> Float[np.ndarray, "frames numbers"] | None:
-    if path.suffix.lower() != ".npz":
-        return None
-    poses = read_arrays(path, lambda name, *_: name == "poses").get("poses")
-    if poses is None or poses.ndim != 2 or poses.shape[1] not in _HANDS_AT:
+    if (poses.shape[1] == MOTIONX_NUMBERS) != (ending == ".npy"):
         return None
     if poses.dtype.kind not in "fiu" or not (np.abs(poses) < MOST_NUMBER).all():
         raise FileFormatError(path, "holds poses that are not finite numbers")
-    return poses
-
-
-def joints_with_hands(
-    path: Path, hands: Float[np.ndarray, "frames 30 3"]
-) -> tuple[Float[np.ndarray, "frames 52 3"], float]:
-    """Returns positions of body and fingers, meters, y up, and the frame rate.
-
-    Raises:
-        FileFormatError: As for `latentmotion.load`.
-    """
-    keys = smpl_npz.KEYS
-    motion = smpl_npz.read_arrays(path, read_arrays(path, lambda name, *_: name in keys))
-    poses = read_arrays(path, lambda name, *_: name == "poses")["poses"].astype(np.float64)
-    body = poses[:, : 3 * BODY_JOINTS].reshape(-1, BODY_JOINTS, 3)
-    rotations = matrix_from_axis_angle(np.concatenate([body, hands], axis=1))
-    turned = _REST.forward_kinematics(rotations, np.zeros((len(poses), 3)))
-    upright = turned @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # AMASS's z to our y
-    fingers = upright[:, BODY_JOINTS:] - upright[:, :1] + motion.joints[:, :1]
-    return np.concatenate([motion.joints, fingers], axis=1), motion.fps
+    at_hands, at_face = _PLACES[poses.shape[1]]
+    body, hands = poses[:, :_BODY].astype(np.float64), poses[:, at_hands].astype(np.float64)
+    rests = np.abs(hands).max(initial=0.0) <= _MOVED
+    return WholeBody(
+        body.reshape(-1, BODY_JOINTS, 3),
+        None if rests else hands.reshape(-1, HAND_JOINTS, 3),
+        bool(np.abs(poses[:, at_face]).max(initial=0.0) > _MOVED),
+        z_up=ending == ".npz",
+    )
 
 
 def _rest() -> Skeleton:
