@@ -170,7 +170,7 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
 MOTIONX_NUMBERS = 322
 """Numbers of a frame of Motion-X."""
 
-# Motion-X has 30 frames per second, but for what its own scripts (humanml.py, grab.py) take at 20.
+# Motion-X has 30 frames per second, but for HumanML3D's and GRAB's, which its scripts take at 20.
 _MOTIONX_FPS, _AT_20 = 30.0, {"humanml", "GRAB"}
 
 

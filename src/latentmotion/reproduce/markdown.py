@@ -136,8 +136,8 @@ def markdown(table: Table, result: TableResult, says: str) -> str:
         "",
         f"* Protocol {result.protocol}.",
         f"* Budget {result.budget}: {says}.",
-        f"* Columns of the paper: {ABSENT} is not in the paper; {UNSTATED} is, but no source here "
-        "states it.",
+        f"* Columns of the paper: {ABSENT} is not in the paper; {UNSTATED} is not in its arXiv "
+        "version, and no source here states what the published one has.",
         *(f"* {note}" for note in _notes(table, result)),
         "",
         "</details>",

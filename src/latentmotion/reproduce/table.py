@@ -1,10 +1,11 @@
 """The paper's tables and figures (Chen et al., CVPR 2023), which are data: `tables.json`.
 
 A row names its model and how it is sampled. Beside it stand the paper's figures, in the order in
-which the table names them: null if the paper has one that no source at hand states, empty if it
-has none. Sources: the authors' `MLD_Arxiv.pdf` (in the history of their repository, commit f9ca628;
-its tables 7 to 10 are 7, 8, 11 and 12 of the published version), docs/reference/mld.md for FLOPs,
-and public reading notes of the published version for tables 9 and 10.
+which the table names them, empty if it has none there. Null is a figure of the published version
+that no source at hand states: some of tables 9 and 10, which the arXiv version lacks. Sources: the
+authors' `MLD_Arxiv.pdf` (in the history of their repository, commit f9ca628; its tables 7 to 10 are
+7, 8, 11 and 12 of the published version), docs/reference/mld.md for FLOPs, and public reading notes
+of the published version for tables 9 and 10.
 
 Units: joint errors in mm, acceleration in mm per frame², FLOPs in 10⁹ as the authors count them
 (twice THOP's multiply-adds at 40 frames, text encoder included).
