@@ -1,11 +1,11 @@
-// Keeps slow machines moving: where frames take too long, a playing stage draws fewer pixels.
+// Keeps slow machines moving: where frames take too long, or there is no graphics card, a playing stage draws fewer pixels.
 
 const TOO_LONG = 55; // milliseconds a frame
 const JUDGED = 6; // frames in a row
 
 export class Pace {
   constructor(timeline, stage) {
-    Object.assign(this, { timeline, stage, slow: 0, isSlow: false });
+    Object.assign(this, { timeline, stage, slow: 0, isSlow: stage.isSoftware ?? false });
     timeline.addEventListener("state", () => this.#choose());
   }
 

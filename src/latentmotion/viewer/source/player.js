@@ -13,7 +13,10 @@ export class Player {
     Object.assign(this, { place, margins, changed, takes: [], timeline: new Timeline(0) });
     this.timeline.addEventListener("time", () => this.#showTime());
     this.timeline.addEventListener("state", () => this.changed());
-    new ResizeObserver(() => this.fit()).observe(place);
+    new ResizeObserver(() => {
+      this.fit();
+      this.stage?.draw(); // a canvas of another size is blank until it is drawn
+    }).observe(place);
     dark.addEventListener("change", () => this.stage?.setDark(dark.matches));
     let last = null;
     const frame = (now) => {

@@ -17,6 +17,9 @@ const FIELD_OF_VIEW = 17; // degrees, vertical; little, so that takes are of one
 const FARTHEST = 40; // meters that a hand can go away from few takes
 const BESIDE = 0.6; // meters that a body reaches out to either side
 
+// Names that browsers give a renderer without a graphics card.
+const SOFTWARE = /SwiftShader|llvmpipe|softpipe|Basic Render/i;
+
 const geometries = new WeakMap(); // the resting skin of each skeleton, for all stages of a page
 
 /** Opens a stage on a canvas: three.js, or lines where WebGL is off. The other arguments are those of `show`. */
@@ -32,6 +35,7 @@ class Stage {
     this.name = "webgl";
     this.canvas = canvas;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.isSoftware = SOFTWARE.test(nameOf(this.renderer.getContext()));
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = THREE.VSMShadowMap;
     this.renderer.toneMapping = THREE.NeutralToneMapping;
@@ -239,6 +243,13 @@ class Stage {
     // Only now, so that what is shown shares the programs of what was shown before.
     this.past.splice(0).forEach(release);
   }
+}
+
+// Chromium tells a renderer's name by an extension alone, Firefox without it.
+function nameOf(gl) {
+  const name = gl.getParameter(gl.RENDERER);
+  const extension = name === "WebKit WebGL" ? gl.getExtension("WEBGL_debug_renderer_info") : null;
+  return extension ? gl.getParameter(extension.UNMASKED_RENDERER_WEBGL) : name;
 }
 
 function mannequin(motion, skinOf, color, at) {

@@ -114,7 +114,9 @@ export class CharacterScreen {
     const carrier = bone ? null : this.#carrier(joint);
     const state = bone ? (isGuessed ? "guessed" : "") : carrier ? "carried" : "missing";
     const name = make("th", { scope: "row" }, words(joint));
-    const told = carrier ? `moves with ${carrier}` : state;
+    // Whatever bones a spine has share out how pelvis and chest are turned.
+    const isSpine = carrier && joint.startsWith("spine");
+    const told = isSpine ? "the spine bends as a whole" : carrier ? `moves with ${carrier}` : state;
     if (state) name.append(make("small", { className: state, textContent: told }));
     return make("tr", { data: { joint, state } }, name, make("td", {}, select));
   }

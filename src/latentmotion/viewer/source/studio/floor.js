@@ -65,7 +65,8 @@ export class FloorHand {
     }
     const [center, size] = [box.getCenter(new THREE.Vector2()), box.getSize(new THREE.Vector2())];
     const half = Math.tan((stage.camera.fov * Math.PI) / 360);
-    const tall = Math.max(size.y + 2 * ROOM, LEAST_PLAN, (size.x + 2 * ROOM) / stage.camera.aspect);
+    const free = stage.freeHeight / stage.canvas.clientHeight;
+    const tall = Math.max((size.y + 2 * ROOM) / free, LEAST_PLAN, (size.x + 2 * ROOM) / stage.camera.aspect);
     stage.controls.target.set(center.x, 0, center.y);
     stage.camera.position.copy(stage.controls.target).addScaledVector(ABOVE, tall / 2 / half);
     stage.stale = true;

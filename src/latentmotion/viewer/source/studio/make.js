@@ -193,9 +193,11 @@ export class MakeScreen {
         performance.measure("takes", { start: began, end: performance.now() });
       });
       const took = Math.round(performance.now() - began);
-      const [{ seconds, ...first }] = this.studio.takes;
-      this.notice(first);
-      say(`${this.studio.takes.length} × ${round(seconds)} s in ${took} ms.`);
+      const { takes } = this.studio;
+      this.notice(takes[0]);
+      const lengths = takes.map(({ seconds }) => seconds);
+      const [least, most] = [Math.min, Math.max].map((end) => round(end(...lengths)));
+      say(`${takes.length} × ${least === most ? least : `${least} to ${most}`} s in ${took} ms.`);
     } finally {
       document.body.dataset.state = "ready";
     }

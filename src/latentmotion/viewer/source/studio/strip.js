@@ -29,7 +29,7 @@ export class Strip {
   /** Seconds that the timeline is wide. */
   get seconds() {
     const asked = lengthsOf(this.studio.draft, this.#made()).reduce((sum, one) => sum + one, 0);
-    return Math.max(asked, this.#made());
+    return Math.max(asked, ...this.studio.takes.map(({ seconds }) => seconds));
   }
 
   // Seconds of the take that the draft may have come from.
