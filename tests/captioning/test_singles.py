@@ -42,17 +42,17 @@ def with_captions(dataset: Dataset, rows: list[tuple[str, int, int]]) -> Dataset
     return replace(dataset, manifest=replace(dataset.manifest, clips=clips))
 
 
-def test_lengths_are_of_acts_that_end(dataset: Dataset) -> None:
-    rows = [("a person jumps", 0, 10), ("a person walks", 0, 24), ("someone kicks", 0, 24)]
-    found = prepared_caption_lengths(with_captions(dataset, rows), "train", 9)
-    expected = {"a person jumps": SHORTEST_ACT, "someone kicks": max(24 / 20, SHORTEST_ACT)}
-    assert dict(zip(found.sentences, found.seconds.tolist(), strict=True)) == pytest.approx(
-        expected
-    )
-    (only,) = prepared_caption_lengths(with_captions(dataset, rows), "train", 1).sentences
-    assert only in expected
-    with pytest.raises(DataError, match="no caption of the split val tells of an act"):
-        prepared_caption_lengths(dataset, "val", 9)
+def test_lengths_are_of_whole_clips(dataset: Dataset) -> None:
+    whole = dataset.manifest.clips[0].frames
+    rows = [("a person jumps", 0, 10), ("a person walks", 0, whole), ("one kicks", 3, whole)]
+    found = prepared_caption_lengths(with_captions(dataset, rows), "train")
+    lengths = dict(zip(found.sentences, found.seconds.tolist(), strict=True))
+    assert lengths["a person walks"] == pytest.approx(max(whole / 20, SHORTEST_ACT))
+    assert not lengths.keys() & {"a person jumps", "one kicks"}
+    parts = with_captions(dataset, rows[:1]).manifest
+    some = replace(dataset, manifest=replace(parts, clips=parts.clips[:1]))
+    with pytest.raises(DataError, match="no caption of the split train tells of a whole clip"):
+        prepared_caption_lengths(some, "train")
 
 
 def test_sets_of_lengths_are_joined_in_order() -> None:

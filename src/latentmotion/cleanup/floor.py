@@ -12,7 +12,7 @@ Seats: who sits on something stays at its height until getting up.
 Nothing in a generated motion carries a sitter, so the pelvis sinks. While thighs are level, shanks
 and trunk upright, and the feet ahead of a pelvis that hardly moves, the pelvis is held at the
 height at which the body came to rest; it comes and goes from there by a quintic. Feet stay where
-they are, legs bend.
+they are, legs bend; feet that hover a little are set down.
 """
 
 from __future__ import annotations
@@ -91,7 +91,10 @@ def align_floor(
     hangs = (1 - lies) * (1 - stands_on) * np.maximum(0, low - settings.tolerance)
     hover = np.maximum(hover, np.where(_still(moved[..., 0, :], fps), hangs, 0))
     if hover.any():
-        moved[..., 1] -= np.maximum(0, gaussian(hover, 0.2 * fps))[..., None]
+        # What is smooth lacks the tops of what is not; a second pass has most of them.
+        down = gaussian(hover, 0.2 * fps)
+        down += gaussian(np.maximum(0, hover - down), 0.2 * fps)
+        moved[..., 1] -= np.maximum(0, down)[..., None]
     # 3. What is below the floor is lifted.
     below = np.maximum(0, -moved[..., body, 1].min(axis=-1))
     if feet:
@@ -170,6 +173,10 @@ _SHORTEST, _SETTLED = 0.6, 0.5
 # Seconds in which the pelvis goes to the height of the seat and leaves it.
 _BLEND = 0.5
 
+# Height of the lowest joint of a sole on the floor, and heights between which a sitter's foot stops
+# to hover and is raised on purpose, meters.
+_SOLE, _RAISED = 0.015, (0.1, 0.15)
+
 
 def hold_seats(
     joints: Float[np.ndarray, "frames motions joints 3"], fps: float, skeleton: Skeleton
@@ -188,6 +195,7 @@ def hold_seats(
     if not begins.any():
         return joints
     shift, frames = np.zeros(height.shape), np.arange(len(joints), dtype=float)
+    sits = np.zeros(height.shape)
     for motion in range(joints.shape[1]):
         for first, end in contact_intervals(lasts[:, motion]):
             start = first + int(begins[first:end, motion].argmax())
@@ -198,7 +206,9 @@ def hold_seats(
             gap = np.where(frames < start, gap[start], np.where(frames >= end, gap[end - 1], gap))
             away = np.maximum(start - frames, frames - (end - 1)) / (_BLEND * fps)
             u = np.clip(1 - np.maximum(away, 0), 0, 1)
-            shift[:, motion] += gap * u**3 * (10 - 15 * u + 6 * u**2)
+            ease = u**3 * (10 - 15 * u + 6 * u**2)
+            shift[:, motion] += gap * ease
+            sits[:, motion] = np.maximum(sits[:, motion], ease)
     up, moved = np.array([0.0, 1.0, 0.0]) * shift[..., None], joints.copy()
     held = {joint for leg in legs for joint in (leg.ankle, *leg.below)}
     body = [joint for joint in range(len(skeleton)) if joint not in held]
@@ -207,10 +217,13 @@ def hold_seats(
     for leg in legs:
         hip, ankle = moved[:, :, leg.hip], joints[:, :, leg.ankle]
         ahead = np.cross(across, hip - ankle)
-        knee, tip = reach(hip, moved[:, :, leg.knee], ankle + up, ankle, ahead)
+        sole = joints[:, :, list(leg.pivots), 1].min(axis=-1)
+        hover = np.maximum(0, sole - _SOLE) * (1 - ramp(sole, *_RAISED))
+        down = np.array([0.0, 1.0, 0.0]) * (sits * gaussian(hover, 0.1 * fps))[..., None]
+        knee, tip = reach(hip, moved[:, :, leg.knee], ankle + up, ankle - down, ahead)
         moved[:, :, leg.knee], moved[:, :, leg.ankle] = knee, tip
         moved[:, :, list(leg.below)] += (tip - ankle)[:, :, None]
-    return np.where(shift[..., None, None] == 0, joints, moved)
+    return np.where(sits[..., None, None] == 0, joints, moved)
 
 
 def _seated(

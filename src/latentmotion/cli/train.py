@@ -314,7 +314,7 @@ class TrainLength:
     output: options.Output
     """File to write, e.g. lengths.safetensors."""
     data: options.OptionalData = None
-    """Prepared folder whose captions of acts are learned from as well, one per seven others."""
+    """Prepared folder whose captions of whole clips are learned from as well."""
     model: str | None = None
     """Name or folder of a model whose own motions tell how long acts, turns and counts take: drawn
     prompts are generated at many lengths, and the length at which it most likely obeys is learned
@@ -350,12 +350,10 @@ class TrainLength:
         train, test = (
             captions.read_caption_lengths(self.captions, name) for name in ("train", "test")
         )
-        if self.data:
-            dataset = Dataset.load(self.data)
-            acts = captions.prepared_caption_lengths(
-                dataset, "train", len(train.sentences) // 7, self.seed
-            )
-            train = captions.joined([train, acts])
+        dataset = Dataset.load(self.data) if self.data else None
+        if dataset:
+            whole = captions.prepared_caption_lengths(dataset, "train")
+            train = captions.joined([train, whole])
         if self.model:
             journal = self.output.with_name(f"{self.output.name}.trials.jsonl")
             pipeline = MotionPipeline.from_pretrained(self.model)
@@ -367,13 +365,17 @@ class TrainLength:
             train = captions.joined([train, lengths.kept_lengths(earlier, encoder)])
         lengths.train_lengths(train, encoder, recipe).write(self.output)
         model = LengthModel.read(self.output)  # as it was rounded
-        accuracy = lengths.measured(model, test, encoder, float(np.median(train.seconds)))
-        print(
-            f"wrote {self.output}: learned from {len(train.sentences):,} sentences; off by "
-            f"{accuracy.mae:.2f} s on {accuracy.sentences:,} of the test split "
-            f"({accuracy.constant_mae:.2f} s, had all the same length), {accuracy.inside:.0%} "
-            "between the outer quantiles"
-        )
+        print(f"wrote {self.output}: learned from {len(train.sentences):,} sentences")
+        tests = {self.captions: test}
+        if dataset and any(clip.captions for clip in dataset.clips("test")):
+            tests[dataset.folder] = captions.prepared_caption_lengths(dataset, "test")
+        for name, held_out in tests.items():
+            accuracy = lengths.measured(model, held_out, encoder, float(np.median(train.seconds)))
+            print(
+                f"{name}: off by {accuracy.mae:.2f} s on {accuracy.sentences:,} of the test split "
+                f"({accuracy.constant_mae:.2f} s, had all the same length), "
+                f"{accuracy.inside:.0%} between the outer quantiles"
+            )
 
 
 @dataclass(frozen=True)

@@ -19,18 +19,14 @@ from jaxtyping import Float
 from latentmotion.data.clip import TAG_RATE, Split, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sources.humanml3d import read_index, read_splits, read_texts, sentences_of
+from latentmotion.data.store import COMPOSED
 from latentmotion.errors import DataError
-from latentmotion.language.kinds import kinds
-from latentmotion.language.reading import claims_of
 
 SHORTEST, TOO_LONG, LONGEST = 40, 200, 196
 """Frames of HumanML3D's items: left out below the first, from the second on; cut to the third."""
 
 SHORTEST_ACT = 1.6
-"""Seconds of the shortest act of a prepared folder; spans are cut close to what happens."""
-
-ACTS = frozenset(kinds("ends"))
-"""Kinds of claims about something that begins and ends."""
+"""Seconds of the shortest act of a prepared folder; clips may be cut close to what happens."""
 
 
 @dataclass(frozen=True)
@@ -72,34 +68,29 @@ def read_caption_lengths(folder: Path, split: Split) -> CaptionLengths:
     return CaptionLengths(tuple(sentences), np.array(seconds, np.float32))
 
 
-def prepared_caption_lengths(
-    dataset: Dataset, split: Split, most: int, seed: int = 0
-) -> CaptionLengths:
-    """Returns sentences of a prepared folder that describe acts, with the lengths of their spans.
+def prepared_caption_lengths(dataset: Dataset, split: Split) -> CaptionLengths:
+    """Returns the sentences of a prepared folder that describe whole clips, with their lengths.
 
-    Actions without an end (walking, sitting, standing) have no length of their own: sentences that
-    describe nothing else are left out, since their spans are cut anywhere.
+    Spans inside a clip are cut where a describer saw something, at any length, and composed clips
+    are as long as what was put together: neither tells how long people do it.
 
     Args:
         dataset: The prepared folder.
         split: Name of the split.
-        most: Largest number of sentences; of more, this many are drawn at random.
-        seed: Seed of the draw.
 
     Raises:
         DataError: The split has no such sentence.
     """
     fps = dataset.representation.fps
     rows = [
-        (caption.text, max((caption.end_frame - caption.start_frame) / fps, SHORTEST_ACT))
+        (caption.text, max(clip.frames / fps, SHORTEST_ACT))
         for clip in dataset.clips(split)
         for caption in clip.captions
-        if any(claim.kind in ACTS or claim.count for claim in claims_of(caption.text))
+        if clip.source != COMPOSED and caption.end_frame - caption.start_frame == clip.frames
     ]
     if not rows:
-        raise DataError(f"{dataset.folder}: no caption of the split {split} tells of an act")
-    drawn = np.random.default_rng(seed).permutation(len(rows))[:most]
-    sentences, seconds = zip(*(rows[index] for index in drawn), strict=True)
+        raise DataError(f"{dataset.folder}: no caption of the split {split} tells of a whole clip")
+    sentences, seconds = zip(*rows, strict=True)
     return CaptionLengths(sentences, np.array(seconds, np.float32))
 
 
