@@ -102,15 +102,15 @@ class TableRunner:
             DataError: They are another data set, or a split has too few usable clips.
         """
         table, dataset = self.table, self.work.dataset
-        if self.evaluator is None and BY_EVALUATOR.issuperset(table.metrics):
-            raise InputError(
-                f"every column of {table.name} ({', '.join(table.metrics)}) needs an evaluator; "
-                "name one: --evaluator FOLDER, or --evaluator scorer for text"
-            )
         sources = [source.name for source in dataset.sources]
         if table.source and sources != [table.source]:
             raise DataError(
                 f"{table.name} is of {table.data}; {dataset.folder} holds {', '.join(sources)}"
+            )
+        if self.evaluator is None and BY_EVALUATOR.issuperset(table.metrics):
+            raise InputError(
+                f"every column of {table.name} ({', '.join(table.metrics)}) needs an evaluator; "
+                "name one: --evaluator FOLDER, or --evaluator scorer for text"
             )
         tasks = {self.work.models[row.model].task for row in table.rows if row.model}
         for split in self.splits:
