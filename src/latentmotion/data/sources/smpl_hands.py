@@ -83,10 +83,11 @@ def whole_body(path: Path) -> WholeBody | None:
         return None
     if (poses.shape[1] == MOTIONX_NUMBERS) != (ending == ".npy"):
         return None
-    if poses.dtype.kind not in "fiu" or not (np.abs(poses) < MOST_NUMBER).all():
+    numbers = poses.dtype.kind in "fiu"
+    if not numbers or not (np.abs(poses := poses.astype(np.float64)) < MOST_NUMBER).all():
         raise FileFormatError(path, "holds poses that are not finite numbers")
     at_hands, at_face = _PLACES[poses.shape[1]]
-    body, hands = poses[:, :_BODY].astype(np.float64), poses[:, at_hands].astype(np.float64)
+    body, hands = poses[:, :_BODY], poses[:, at_hands]
     rests = np.abs(hands).max(initial=0.0) <= _MOVED
     return WholeBody(
         body.reshape(-1, BODY_JOINTS, 3),
