@@ -14,11 +14,15 @@ from latentmotion.measure.scene import describe
 LANGUAGES = {
     "fr": {
         "une personne marche en arrière": "walks backwards",
+        "la personne monte les escaliers": "walks up the stairs",
         "quelqu'un saute deux fois, puis s'assied": "jumps twice, then sits down",
         "Un homme donne un coup de pied avec la jambe droite.": "kicks with the right leg",
     },
     "de": {
         "eine Person geht rückwärts": "walks backwards",
+        "eine Person geht die Treppe hinunter": "walks down the stairs",
+        "jemand geht seitwärts nach links": "walks sideways to the left",
+        "sie hebt etwas vom Boden auf": "picks something up",
         "jemand dreht sich nach rechts und winkt": "turns to the right, then waves",
     },
     "es": {
@@ -35,6 +39,7 @@ LANGUAGES = {
     },
     "nl": {
         "een persoon loopt achteruit": "walks backwards",
+        "een man hurkt en staat weer op": "squats, then stands up",
         "een persoon gaat zitten en staat op": "sits down, then stands up",
     },
     "ru": {
@@ -49,7 +54,11 @@ LANGUAGES = {
         "人が後ろに歩く": "walks backwards",
         "人がゆっくり歩いて座る": "walks slowly, then sits down",
     },
-    "ko": {"사람이 뒤로 걷는다": "walks backwards", "누군가 두 번 점프한다": "jumps twice"},
+    "ko": {
+        "사람이 뒤로 걷는다": "walks backwards",
+        "여자가 원을 그리며 달린다": "runs in a circle",
+        "누군가 두 번 점프한다": "jumps twice",
+    },
 }
 
 

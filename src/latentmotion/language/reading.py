@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise, product
 
 from latentmotion.corrections import Corrections, Count, Turn
@@ -42,6 +42,7 @@ Told = tuple[Claim, Mention]
 """A claim, and the words that make it."""
 
 
+@lru_cache(maxsize=1024)  # a prompt is read again for each of its takes
 def request_of(prompt: str) -> Request:
     """Reads what a prompt asks for.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 
 from latentmotion.language.acts import mentions
@@ -80,6 +80,7 @@ def _table() -> dict[str, _Entries]:
     return tables
 
 
+@lru_cache(maxsize=1024)
 def in_english(sentence: str) -> Translation | None:
     """Returns a sentence of another language in English; None where it is English, or unknown."""
     if len(sentence) > _LONGEST or mentions(tokens_of(sentence)):
@@ -154,7 +155,9 @@ def _clauses(pieces: list[_Piece], verb_last: bool) -> list[str]:
         new |= verb_last and "act" in group and piece.role in ("way", "manner", "count", "object")
         if new:
             groups.append(group := {})
-        if piece.role in ("act", "way", "manner", "count", "object"):
+        if piece.role == "way" and piece.english not in group.get("way", ""):
+            group["way"] = f"{group.get('way', '')} {piece.english}".strip()  # sideways to the left
+        elif piece.role in ("act", "manner", "count", "object"):
             group.setdefault(piece.role, piece.english)
     clauses = []
     for group in groups:

@@ -164,9 +164,11 @@ class Doubts:
             named = outside and outside[0] in part.lower()
             if outside and named and not (near and outside[0] in caption.lower()):
                 return Doubt(outside[0], outside[1], caption)
-            if near:
-                continue
-            if wording and wording.cosine >= SAID_OTHERWISE:
+            words = words_of(part)
+            unheard = sum(not self._is_known(word) for word in words)
+            if unheard > 1 and 2 * unheard > len(words):  # another language
+                return Doubt(part.strip(), "captions have few of its words", caption)
+            if near or (wording and wording.cosine >= SAID_OTHERWISE):
                 continue
             word = self._foreign_word(part)
             if word:

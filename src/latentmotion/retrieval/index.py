@@ -174,6 +174,10 @@ class ClipIndex:
     def _units(self) -> Float[np.ndarray, "rows components"]:
         return unit(self.embeddings.astype(np.float32))
 
+    @cached_property
+    def _clip_of(self) -> Int[np.ndarray, " captions"]:
+        return np.array([caption.clip for caption in self.captions])
+
     def _cosines(
         self, sentences: Float[np.ndarray, "sides width"], wordings: bool = False
     ) -> Float[np.ndarray, "rows sides"]:
@@ -194,13 +198,13 @@ class ClipIndex:
         sides = cosines.argmax(axis=1)
         best = cosines.max(axis=1)
         neighbors: dict[int, Neighbor] = {}
-        for row in np.argsort(-best, kind="stable").tolist():
-            if len(neighbors) == count:
-                break
+        for _ in range(min(count, len(self.captions))):
+            row = int(best.argmax())
             caption = self.captions[row]
-            neighbors.setdefault(
-                caption.clip, Neighbor(caption, float(best[row]), bool(sides[row]))
-            )
+            if caption.clip in neighbors:  # no clip is left
+                break
+            neighbors[caption.clip] = Neighbor(caption, float(best[row]), bool(sides[row]))
+            best[self._clip_of == caption.clip] = -np.inf
         return list(neighbors.values())
 
     def nearest_by_wording(self, sentences: Float[np.ndarray, "sides width"]) -> Neighbor | None:

@@ -35,11 +35,8 @@ from latentmotion.storage.files import atomic_file
 ENDINGS = (".csv", ".npz")
 """Files that motions of robots are written to."""
 
-# Gauss-Newton steps, and the one from which neighbors in time count.
-_STEPS, _SMOOTH_FROM = 6, 3
-
-# Radians of a step that is the last.
-_STILL = 0.003
+# Gauss-Newton steps, and radians of one that is the last.
+_STEPS, _STILL = 6, 0.003
 
 # Radians by which knees and elbows are bent at first, as a straight one has no direction to go.
 _BENT = 0.3
@@ -172,10 +169,11 @@ class _Body:
         self.parents = np.array([self.number.get(link.parent, -1) for link in self.links])
         self.bases = np.array([link.rotation for link in self.links])
         self.anchors = np.array([link.anchor for link in self.links])
-        x, y, z = np.array([link.axis for link in self.links]).T
+        self.axes = np.array([link.axis for link in self.links])
+        x, y, z = self.axes.T
         zero = np.zeros_like(x)
-        self.skew = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
-        self.by_sine, self.by_cosine = self.bases @ self.skew, self.bases @ self.skew @ self.skew
+        skew = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+        self.by_sine, self.by_cosine = self.bases @ skew, self.bases @ skew @ skew
         offsets = np.array([link.offset for link in self.links])
         self.shifts = offsets + (self.bases @ self.anchors[..., None])[..., 0]
         self.rest = self.forward(np.zeros((1, len(active))))
@@ -233,19 +231,24 @@ class _Body:
         return links[outline], local[outline]
 
     def forward(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns rotations and positions of all links relative to the root."""
-        angles = np.zeros((len(q), len(self.parents)))
-        angles[:, self.active] = q
-        sine, cosine = np.sin(angles)[..., None, None], 1 - np.cos(angles)[..., None, None]
-        local = self.bases + sine * self.by_sine + cosine * self.by_cosine
-        shifts = self.shifts - (local @ self.anchors[..., None])[..., 0]
-        rotations, positions = np.empty_like(local), np.empty_like(shifts)
-        rotations[:, 0], positions[:, 0] = local[:, 0], shifts[:, 0]
+        """Returns rotations and positions of all links relative to the root, (frames, links, …)."""
+        rotations, positions = self._forward(q.T)
+        return rotations.transpose(3, 0, 1, 2), positions.transpose(2, 0, 1)
+
+    def _forward(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns them with frames last, where NumPy multiplies many small matrices at once."""
+        angles = np.zeros((len(self.parents), q.shape[1]))
+        angles[self.active] = q
+        sine, cosine = np.sin(angles)[:, None, None], 1 - np.cos(angles)[:, None, None]
+        local = self.bases[..., None] + sine * self.by_sine[..., None]
+        local += cosine * self.by_cosine[..., None]
+        shifts = self.shifts[..., None] - _turned(local, self.anchors)
+        rotations, positions = local, shifts
         for level in self.levels[1:]:
-            above = rotations[:, self.parents[level]]
-            rotations[:, level] = above @ local[:, level]
-            moved = (above @ shifts[:, level, :, None])[..., 0]
-            positions[:, level] = positions[:, self.parents[level]] + moved
+            parents = self.parents[level]
+            above = rotations[parents]
+            positions[level] = positions[parents] + (above * shifts[level][:, None]).sum(2)
+            rotations[level] = np.einsum("labt,lbct->lact", above, local[level])
         return rotations, positions
 
     def place(self, pose: tuple[np.ndarray, np.ndarray], name: str) -> np.ndarray:
@@ -320,53 +323,67 @@ class _Body:
         compared[-4:, len(names) : len(names) + 4] = _AXIS * np.eye(4)
         wanted_all = [*ankles, *(wanted[pair] for pair in bones), *axes]
         scales = np.abs(compared).max(axis=1)
-        goal = np.stack(
-            [scale * target for scale, target in zip(scales, wanted_all, strict=True)], -1
-        )
-        moves = self.moves[links].T[:, None]
+        goal = np.stack([k * target.T for k, target in zip(scales, wanted_all, strict=True)])
+        # Only a few hinges move each row: its share of a row's slope is computed for those.
+        level = np.zeros((2, len(marks)))
+        level[:, -2:] = _LEVEL * np.eye(2)
+        shares = np.concatenate([compared, level]) * self.moves[links].T[:, None]
+        hinges, rows = np.nonzero(shares.any(axis=-1))
+        shares = shares[hinges, rows]
+        points, plain = (shares @ is_point)[..., None], rows < len(compared)
+        ahead = rows[plain]
         q = np.tile(np.clip(np.zeros(len(self.active)), self.low, self.high), (len(up), 1))
         further = np.where(-self.low > self.high, -_BENT, _BENT)
         q[:, self.bends] = np.clip(further, self.low, self.high)[self.bends]
-        error = np.zeros((len(up), 3, 2))
-        for step in range(_STEPS):
-            rotations, positions = self.forward(q)
-            hinge = rotations[:, self.active]
-            # R [a]× Rᵀ = [R a]×: what a turn about each axis does to a vector.
-            turning = hinge @ self.skew[self.active] @ np.swapaxes(hinge, -1, -2)
-            anchors = (
-                positions[:, self.active, :, None] + hinge @ self.anchors[self.active][..., None]
+        up, error = up.T, np.zeros((2, 3, len(up)))
+        for _ in range(_STEPS):
+            rotations, positions = self._forward(q.T)
+            axis = _turned(rotations[self.active], self.axes[self.active])
+            anchor = _turned(rotations[self.active], self.anchors[self.active])
+            anchor += positions[self.active]
+            now = _turned(rotations[links], local) + positions[links] * is_point[..., None]
+            # What a turn about an axis a does to p is a × (p − anchor).
+            arm = (shares @ now.reshape(len(marks), -1)).reshape(len(shares), 3, -1)
+            arm -= points * anchor[hinges]
+            slope = _cross(axis[hinges], arm)
+            columns = np.zeros((len(q), q.shape[1], 3 * len(compared) + 2))
+            columns.T[3 * ahead[:, None] + np.arange(3), hinges[plain, None]] = slope[plain]
+            columns.T[2 * len(compared) + rows[~plain], hinges[~plain]] = (slope[~plain] * up).sum(
+                1
             )
-            now = (rotations[:, links] @ local[..., None])[..., 0] + positions[:, links] * is_point
-            now = np.swapaxes(now, 1, 2)
-            slope = turning @ now[:, None] - (turning @ anchors) * is_point[:, 0]
-            slope *= moves
-            level = _LEVEL * np.einsum("tav,ta->tv", now[..., -2:], up)
-            tilt = _LEVEL * np.einsum("tjav,ta->tjv", slope[..., -2:], up)
-            gap = now @ compared.T - goal
-            error = gap[..., :2] / _ANKLE
-            columns = slope.reshape(-1, len(marks)) @ compared.T
-            columns = columns.reshape(*slope.shape[:2], -1)
-            columns = np.concatenate([columns, tilt], axis=-1)
-            residual = np.concatenate([gap.reshape(len(q), -1), level], axis=-1)
+            gap = (compared @ now.reshape(len(marks), -1)).reshape(goal.shape) - goal
+            error = gap[:2] / _ANKLE
+            level = _LEVEL * (now[-2:] * up).sum(1)
+            residual = np.concatenate([gap.reshape(-1, len(q)), level]).T
             matrix = columns @ np.swapaxes(columns, 1, 2)
+            # From the first step on, so that neighbors bend the same way where there are two.
+            padded = np.concatenate([q[:1], q, q[-1:]])
             gradient = (columns @ residual[..., None])[..., 0] + _ZERO**2 * q
-            diagonal = np.full(q.shape[1], _ZERO**2)
-            if step >= _SMOOTH_FROM:
-                padded = np.concatenate([q[:1], q, q[-1:]])
-                gradient += _SMOOTH**2 * (q - (padded[:-2] + padded[2:]) / 2)
-                diagonal += _SMOOTH**2
+            gradient += _SMOOTH**2 * (q - (padded[:-2] + padded[2:]) / 2)
             held = ((q <= self.low) & (gradient > 0)) | ((q >= self.high) & (gradient < 0))
-            free = ~held
-            matrix = matrix * free[:, None] * free[:, :, None]
-            matrix += (diagonal + held)[:, None] * np.eye(q.shape[1])
-            moved = np.linalg.solve(matrix, (gradient * free)[..., None])[..., 0]
+            matrix[held] = 0
+            matrix.swapaxes(1, 2)[held] = 0
+            diagonal = np.arange(q.shape[1])
+            matrix[:, diagonal, diagonal] += _ZERO**2 + _SMOOTH**2 + held
+            moved = np.linalg.solve(matrix, np.where(held, 0, gradient)[..., None])[..., 0]
             before, q = q, np.clip(q - np.clip(moved, -1, 1), self.low, self.high)
-            if step > _SMOOTH_FROM and np.abs(q - before).max() < _STILL:
+            if np.abs(q - before).max() < _STILL:
                 break
         return q, float(np.linalg.norm(error, axis=1).mean())
 
 
 _body = lru_cache(8)(_Body)
+
+
+def _turned(rotations: np.ndarray, vectors: np.ndarray) -> Float[np.ndarray, "links 3 frames"]:
+    """Returns a vector of each link in the frame of the rotations (links, 3, 3, frames)."""
+    return (rotations * vectors[:, None, :, None]).sum(axis=2)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> Float[np.ndarray, "pairs 3 frames"]:
+    """Returns the cross products along the middle axis."""
+    (x, y, z), (u, v, w) = np.moveaxis(a, 1, 0), np.moveaxis(b, 1, 0)
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
 
 
 def _frame(left: np.ndarray, up: np.ndarray) -> Float[np.ndarray, "frames 3 3"]:

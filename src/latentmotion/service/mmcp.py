@@ -10,7 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -219,7 +219,7 @@ class LatentMotionBackbone(Backbone):
         try:
             with warnings.catch_warnings(record=True) as doubts:
                 warnings.simplefilter("always")
-                stage = TargetFigure.of(request.skeleton)
+                stage = _figure(request.skeleton.model_dump_json())
                 options = request.options or _OPTIONS
                 first = 0 if options.seed is None else options.seed
                 fps = request.fps(self.pipeline.representation.fps)
@@ -316,6 +316,12 @@ class LatentMotionBackbone(Backbone):
             for ours, joint in stage.body.joints.items()
             if determined[joint] and ours in HUMANML3D.names
         ]
+
+
+@lru_cache(maxsize=16)  # a program asks for its character again and again
+def _figure(skeleton: str) -> TargetFigure:
+    """Returns the figure of a skeleton in JSON."""
+    return TargetFigure.of(schemas.Skeleton.model_validate_json(skeleton))
 
 
 # Prompt of a request or a segment that has none.
