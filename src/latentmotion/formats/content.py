@@ -10,6 +10,7 @@ import json
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -65,7 +66,8 @@ def rewritten(content: bytes, form: str, clean: bool = False) -> tuple[bytes, st
         file.write_bytes(content)
         motions = formats.load(file)
     if clean:  # the page gives lengths, so counts stay as they are
-        corrections = [asked_exactly(motion.caption, any_length=False) for motion in motions]
+        exact = [asked_exactly(motion.caption, any_length=False) for motion in motions]
+        corrections = [replace(each, sharpens=True, settles=True) for each in exact]
         motions = clean_batch(motions, CleanUp(), corrections)
     return encoded(motions, form)
 
