@@ -88,6 +88,9 @@ def test_steps_are_where_feet_stand():
     np.testing.assert_allclose(along, 0.3, atol=0.05)
     (box,) = moving(poses[::2], 20).objects
     assert (box.kind, round(box.height, 1)) == ("box", 0.4)
+    low = [ground, ground + np.array([0, 0.12, 0.3])]
+    assert moving(low, 12, "a person walks").objects == ()
+    assert moving(low, 12, "a person climbs the stairs").objects
 
 
 def test_files_and_pages_have_them(tmp_path: Path):
