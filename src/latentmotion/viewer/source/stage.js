@@ -20,6 +20,8 @@ const BESIDE = 0.6; // meters that a body reaches out to either side
 // Names that browsers give a renderer without a graphics card.
 const SOFTWARE = /SwiftShader|llvmpipe|softpipe|Basic Render/i;
 
+const SEEN = 3; // pictures, after which the first is on the screen
+
 const geometries = new WeakMap(); // the resting skin of each skeleton, for all stages of a page
 
 /** Opens a stage on a canvas: three.js, or lines where WebGL is off. The other arguments are those of `show`. */
@@ -49,6 +51,8 @@ class Stage {
     this.watched = null;
     this.follow = true;
     this.detail = 1;
+    // Shadows are half of what a software renderer's first picture takes: they come after it.
+    this.beforeShadows = this.isSoftware ? SEEN : 0;
     this.freeHeight = 0;
     this.center = new THREE.Vector3(0, HEIGHT, 0);
     this.show(motions, colors, options);
@@ -72,6 +76,7 @@ class Stage {
     this.seconds = Math.max(...motions.map(({ seconds }) => seconds));
     this.sun = sunlight(this.#spread(this.all, true).length() / 2 + 1.9);
     this.sun.shadow.mapSize.setScalar(SHADOW_PIXELS * this.detail);
+    this.sun.castShadow = this.beforeShadows === 0;
     this.shown = [this.floor, ...this.figures, ...this.marks].map((drawn) => drawn.object);
     this.shown.push(this.sun, this.sun.target);
     this.scene.remove(...this.past).add(...this.shown);
@@ -239,7 +244,8 @@ class Stage {
     if (!this.stale || !this.freeHeight) return;
     this.floor.fadeAround(this.controls.target, this.camera.position);
     this.renderer.render(this.scene, this.camera);
-    this.stale = false;
+    this.stale = this.beforeShadows > 0;
+    if (this.stale) this.sun.castShadow = --this.beforeShadows === 0;
     // Only now, so that what is shown shares the programs of what was shown before.
     this.past.splice(0).forEach(release);
   }
@@ -288,7 +294,6 @@ function orbit(camera, canvas, changed) {
 
 function sunlight(reach) {
   const light = new THREE.DirectionalLight("#fff4e6", 2.5);
-  light.castShadow = true;
   Object.assign(light.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach });
   Object.assign(light.shadow.camera, { near: 0.5, far: 12 + reach });
   light.shadow.mapSize.setScalar(SHADOW_PIXELS);
