@@ -25,6 +25,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
+from latentmotion.cleanup.floor import land_walkers
 from latentmotion.condition import Condition, Conditioning, SentenceCondition, TextEncoder
 from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
@@ -104,8 +105,22 @@ class RawMotion:
 
 def cleaned_up(raw: Sequence[RawMotion], steps: CleanUp) -> list[Motion]:
     """Returns motions cleaned up, with their corrections, and their joints at their goals."""
-    motions = clean_batch([take.motion for take in raw], steps, [take.corrections for take in raw])
+    given = [_landed(take) if steps.floor else take.motion for take in raw]
+    motions = clean_batch(given, steps, [take.corrections for take in raw])
     return [_at_goals(motion, take, steps) for motion, take in zip(motions, raw, strict=True)]
+
+
+def _landed(raw: RawMotion) -> Motion:
+    """Returns a motion whose body its goals do not raise off the floor; whole poses may fly."""
+    if not raw.goals:
+        return raw.motion
+    from latentmotion.control.goals import Pose
+
+    if any(isinstance(goal, Pose) for goal in raw.goals):
+        return raw.motion
+    motion = raw.motion
+    joints = land_walkers(motion.joints.astype(np.float64), motion.fps, motion.skeleton)
+    return replace(motion, joints=joints.astype(np.float32))
 
 
 def _at_goals(cleaned: Motion, raw: RawMotion, steps: CleanUp) -> Motion:
@@ -433,6 +448,8 @@ class MotionPipeline(PickledByFields):
                 *(steps, guidance, sampler, every_other if number or not goals else False, goals),
                 [TAKE_QUANTILES[take % len(TAKE_QUANTILES)] for take in range(takes)],
             )
+            if goals and clean_up is not None and clean_up.floor:
+                raw = [replace(candidate, motion=_landed(candidate)) for candidate in raw]
             return raw, best.ranked(
                 [candidate.motion for candidate in raw],
                 (raw[0].reading or self.read(prompt)).prompt,

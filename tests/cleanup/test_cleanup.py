@@ -13,7 +13,7 @@ import pytest
 from latentmotion.cleanup import CleanUp, CleanUpWarning, clean
 from latentmotion.cleanup.bone_lengths import constant_bones
 from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
-from latentmotion.cleanup.floor import Floor, align_floor, lift_hands
+from latentmotion.cleanup.floor import Floor, align_floor, land_walkers, lift_feet, lift_hands
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction, reach
 from latentmotion.cleanup.pipeline import ground_path, in_place
@@ -366,6 +366,28 @@ def test_hands_below_the_floor_are_put_onto_it():
     lifted = lift_hands(joints, FPS, HUMANML3D)
     assert lifted[:, wrist, 1].min() > -1e-9
     np.testing.assert_allclose(bone_lengths(lifted), bone_lengths(joints), atol=1e-9)
+
+
+def test_a_body_comes_down_that_is_raised_and_a_jump_stays():
+    joints, time = standing(), np.arange(80) / FPS
+    raised, jumps = joints.copy(), joints.copy()
+    raised[..., 1] += 0.1 * np.sin(np.pi * np.clip((time - 1) / 1.2, 0, 1))[:, None]
+    jumps[..., 1] += np.maximum(0, 2.5 * (time - 1) - 9.81 / 2 * (time - 1) ** 2)[:, None]
+    landed = land_walkers(raised, FPS, HUMANML3D)
+    assert landed[..., 1].min(axis=1).max() < 0.045 < raised[..., 1].min(axis=1).max()
+    np.testing.assert_allclose(bone_lengths(landed), bone_lengths(joints), atol=1e-9)
+    np.testing.assert_array_equal(land_walkers(jumps, FPS, HUMANML3D), jumps)
+
+
+def test_feet_below_the_floor_are_lifted_by_their_legs():
+    joints = standing()
+    joints[30:40, ..., 1] -= 0.05
+    lifted = lift_feet(joints, FPS, HUMANML3D, 0.0, np.ones(80))
+    assert lifted[:, FEET, 1].min() > -1e-9
+    np.testing.assert_allclose(bone_lengths(lifted), bone_lengths(joints), atol=1e-9)
+    others = [joint for joint in range(22) if joint not in LEGS]
+    np.testing.assert_array_equal(lifted[:, others], joints[:, others])
+    np.testing.assert_array_equal(lifted[:20], joints[:20])
 
 
 def test_in_place_takes_the_path_away():

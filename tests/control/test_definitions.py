@@ -147,10 +147,10 @@ def test_times_that_hold_no_gap_are_named(
 
 def test_motions_with_room_between_them_keep_their_frames(joints: np.ndarray) -> None:
     start, end = Motion(joints[:20].astype("f4")), Motion(joints[40:].astype("f4"))
-    together, gap = in_between(start, end, 0.5)
-    assert gap == Gap(20, 30, 50)
-    assert (together[:20] == start.joints).all() and (together[30:] == end.joints).all()
-    assert not together[20:30].any()
+    together, gap = in_between(start, end, 1.0)
+    assert gap == Gap(20, 40, 60)
+    assert (together[:20] == start.joints).all() and (together[40:] == end.joints).all()
+    assert not together[20:40].any()
     with pytest.raises(InputError, match=r"0.05 seconds between: expected 0.1 or more"):
         in_between(start, end, 0.05)
     with pytest.raises(InputError, match="inf seconds"):

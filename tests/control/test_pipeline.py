@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,7 +48,7 @@ def test_what_nobody_could_do_is_refused_and_the_goal_named() -> None:
     with pytest.warns(CleanUpWarning, match="none of 12 takes"):
         forced = pipeline("a person walks forward", 2.0, 0, goals=goals, force=True)
     assert "right_wrist at 1.5 s was" in forced.metadata["violation"]
-    assert forced.metadata["seed"] == 0 and forced.metadata["goals"][1]["after"] < 1e-3
+    assert forced.metadata["seed"] < 4 and forced.metadata["goals"][1]["after"] < 1e-3
 
 
 def test_a_pose_at_the_start_says_where_the_motion_starts() -> None:
@@ -82,6 +83,26 @@ def test_other_frames_of_an_edit_are_the_same_numbers(generate: MotionPipeline) 
         generate_edited(generate, motion.resampled(30), "1", (1, 2))
 
 
+def test_seams_of_an_edit_stand_on_the_floor() -> None:
+    pipeline = MotionPipeline.from_pretrained("fast", "onnxruntime", 1)
+    walk = pipeline("a person walks forward", 4.0, 1, takes=1)
+    for prompt, between in (("a person waves", (1, 2)), ("a person sits down", (2, 4))):
+        edited = generate_edited(pipeline, walk, prompt, between, 1)
+        heights = edited.joints[..., 1].min(axis=1)
+        assert heights.min() > -0.03  # it was -0.12 and -0.13
+        assert heights.max() < 0.1
+        assert np.abs(np.diff(edited.joints, n=2, axis=0)).max() < 0.2  # nothing jumps
+
+
+def test_a_goal_does_not_raise_the_body_off_the_floor() -> None:
+    pipeline = MotionPipeline.from_pretrained("fast", "onnxruntime", 1)
+    path = RootPath([(0, 0), (0, 2), (1, 3)], [0, 2, 3.9])
+    goals = [path, Reach("left_hand", 2.4, (0.5, 1.3, 2.3), 2.8), Heading(3.9, 45)]
+    motion = pipeline("a person walks forward", 4.0, 8, goals=goals, takes=1)
+    assert max(goal["after"] for goal in motion.metadata["goals"]) < 1e-3
+    assert motion.joints[..., 1].min(axis=1).max() < 0.075  # it was 12.6 cm
+
+
 def test_between_poses_and_motions(generate: MotionPipeline) -> None:
     motion = Motion(walker(60).joints())
     start, end = motion.joints[:1], motion.joints[30:31]
@@ -94,8 +115,12 @@ def test_between_poses_and_motions(generate: MotionPipeline) -> None:
     assert len(longer) == 60
     assert (longer.joints[:20] == motion.joints[:20]).all()
     assert (longer.joints[40:] == motion.joints[40:]).all()
-    with pytest.raises(InputError, match="m apart"):
-        generate_between(generate, Motion(start), Motion(end + np.float32([0, 0, 30])), 1.0, "1")
+    away = Motion(end + np.float32([0, 0, 30]))
+    with pytest.warns(CleanUpWarning, match=r"begins \d+\.\d m from where .* it was put there"):
+        moved = generate_between(generate, Motion(start), away, 1.0, "1")
+    aligned = generate_between(generate, Motion(start), away, 1.0, "1", align=True)
+    assert (moved.joints == aligned.joints).all()
+    assert np.linalg.norm(moved.joints[-1, 0] - start[0, 0]) < 2
 
 
 def test_motions_are_joined_where_each_leads(generate: MotionPipeline) -> None:
@@ -148,11 +173,13 @@ def test_the_command_line(
     main(["edit", "one.npz", "1", "--between", "0.5", "1.2", *common, "-o", "two.npz"])
     edited, motion = (Motion.load(name) for name in ("two.npz", "one.npz"))
     assert (edited.joints[:10] == motion.joints[:10]).all()
-    main(["between", "one.npz", "two.npz", "--prompt", "1", *common, "-o", "three.npz"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a student: motions are anywhere
+        main(["between", "one.npz", "two.npz", "--prompt", "1", *common, "-o", "three.npz"])
     assert len(Motion.load("three.npz")) == 100
     main(["between", "one.npz", "two.npz", "--align", "--prompt", "1", *common, "-o", "five.npz"])
     later = Motion.load("five.npz").joints[60:]
-    assert np.linalg.norm(later[0, 0] - Motion.load("three.npz").joints[60, 0]) > 0.1
+    assert np.linalg.norm(later[0, 0] - edited.joints[0, 0]) > 0.1
     join = ["join", "one.npz", "two.npz", "--trim", "0.5", "1.5", "--prompt", "1", *common]
     main([*join, "--seconds", "0.5", "-o", "six.npz", "six.contacts.csv"])
     assert len(Motion.load("six.npz")) == 50

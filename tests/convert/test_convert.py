@@ -144,6 +144,14 @@ def test_bad_files_are_refused(tmp_path: Path, make: Callable[[Path], Any], mess
     assert not (tmp_path / "model").exists()
 
 
+@pytest.mark.parametrize("ending", [".npz", ".bvh", ".GLB"])
+def test_a_motion_file_is_told_the_command_for_it(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"walk{ending}"
+    path.write_bytes(b"PK")
+    with pytest.raises(ModelError, match=r"is a motion file.*latentmotion clean .*walk"):
+        convert_checkpoint(path, tmp_path / "model")
+
+
 def test_code_inside_a_file_does_not_run(tmp_path: Path) -> None:
     trace = tmp_path / "trace"
     torch.save({"state_dict": frames_denoiser(), "x": Dangerous(trace)}, tmp_path / "bad.ckpt")

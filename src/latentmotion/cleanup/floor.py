@@ -153,6 +153,72 @@ def lift_hands(
     return moved
 
 
+# Meters of the lowest joint, a foot, above which a body may be in the air; meters per second
+# squared; share of a fall's depth that the pelvis moves at least in a flight.
+_LOW_FOOT, _GRAVITY, _FLIGHT = 0.04, 9.81, 0.5
+
+
+def land_walkers(
+    joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton
+) -> Float[np.ndarray, "frames joints 3"]:
+    """Returns the joints with a body lowered that is in the air and does not fall.
+
+    A body that nothing carries falls: its pelvis is on a parabola, half a meter above the line
+    between both ends after 0.6 s. One that was raised for a goal is not.
+
+    Args:
+        joints: Positions, meters, the floor at height 0.
+        fps: Frames per second.
+        skeleton: Names the feet.
+    """
+    feet, settings = [*skeleton.left_foot, *skeleton.right_foot], Floor()
+    lowest, pelvis = joints[..., 1].min(axis=1), joints[:, 0, 1]
+    if not feet:
+        return joints
+    upright = pelvis > settings.lying[1]
+    aloft = (joints[:, feet, 1].min(axis=1) == lowest) & (lowest > _LOW_FOOT) & upright
+    hovers = np.zeros(len(joints))
+    for start, end in contact_intervals(aloft):
+        first, last = max(start - 1, 0), min(end, len(joints) - 1)
+        line = np.linspace(pelvis[first], pelvis[last], last - first + 1)
+        fall = _GRAVITY * ((last - first) / fps) ** 2 / 8
+        if (pelvis[first : last + 1] - line).max() < _FLIGHT * fall:
+            hovers[start:end] = lowest[start:end] - settings.tolerance
+    hovers *= 1 - ramp(lowest, *settings.step) * (lowest[0] > settings.tolerance)
+    down = np.clip(gaussian(hovers, 0.1 * fps), 0, None)
+    return joints - np.minimum(down, np.maximum(0, lowest))[:, None, None] * (0, 1, 0)
+
+
+def lift_feet(
+    joints: Float[np.ndarray, "frames joints 3"],
+    fps: float,
+    skeleton: Skeleton,
+    floor: float,
+    share: Float[np.ndarray, " frames"],
+) -> Float[np.ndarray, "frames joints 3"]:
+    """Returns the joints with no foot below a height, legs bent for it.
+
+    Args:
+        joints: Positions, meters.
+        fps: Frames per second.
+        skeleton: Says what legs are.
+        floor: The height, meters.
+        share: How much of it is done in each frame.
+    """
+    legs, moved = find_legs(skeleton), joints.copy()
+    across = joints[:, legs[0].hip] - joints[:, legs[-1].hip] if legs else 0
+    for leg in legs:
+        foot = [leg.ankle, *leg.below]
+        below = np.maximum(0, floor - joints[:, foot, 1].min(axis=1))
+        up = (share * upper_envelope(below, max(1, round(0.1 * fps))))[:, None]
+        hip, knee, ankle = (joints[:, joint] for joint in (leg.hip, leg.knee, leg.ankle))
+        ahead = np.cross(across, hip - ankle)
+        bent, tip = reach(hip, knee, ankle, ankle + up * (0, 1, 0), ahead)
+        moved[:, leg.knee] = np.where(up > 0, bent, knee)
+        moved[:, foot] += np.where(up > 0, tip - ankle, 0)[:, None]
+    return moved
+
+
 # Height of a seated pelvis, in lengths of a leg, where sitting begins, and while it lasts; so are
 # all limits.
 _LOW = (0.35, 0.78), (0.25, 0.85)

@@ -17,7 +17,6 @@ from latentmotion.control.edit import (
     generate_between,
     generate_edited,
     generate_joined,
-    put_after,
 )
 from latentmotion.control.fit_keypoints import fit_motion
 from latentmotion.errors import InputError
@@ -116,19 +115,19 @@ class Between(_Filling):
     prompt: str = ON_THE_WAY
     """What the person does on the way."""
     align: bool = False
-    """Put the second motion where the first one leads, facing its way; by default it stays."""
+    """Put the second motion where the first one leads, facing its way; by default only where it
+    begins too far away to walk there in the time."""
 
     def run(self) -> None:
         """Reads, generates, writes.
 
         Raises:
-            InputError: A file or a number cannot be used, or the motions are too far apart.
+            InputError: A file or a number cannot be used.
             ModelError: The model cannot be loaded or cannot direct motions.
         """
         pipeline = self._opened()
         start, end = (self._load(file, pipeline)[0] for file in (self.start, self.end))
-        end = put_after(start, end, self.seconds) if self.align else end
-        sampling = self.seed, self.steps, self.guidance
+        sampling = self.seed, self.steps, self.guidance, self.align
         joined = generate_between(pipeline, start, end, self.seconds, self.prompt, *sampling)
         options.save(self.output, [joined])
 

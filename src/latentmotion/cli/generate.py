@@ -430,8 +430,9 @@ def _goal_text(motion: Motion) -> str:
             after, before = (f"{goal[key]:.1f}°" for key in ("after", "before"))
         lines.append(f"{named(goal)}: {after} from its goal, {before} before it was put there\n")
     shown = lines if len(lines) <= 12 else [*lines[:11], f"… and {len(lines) - 11} more\n"]
-    sliding = 1e2 * motion.metadata["foot_sliding"]
-    return "".join([*shown, f"feet that stand slide {sliding:.1f} cm/s\n"])
+    if "best_of" not in motion.metadata:  # of several takes the score tells it
+        shown = [*shown, f"feet slide {1e2 * motion.metadata['foot_sliding']:.1f} cm/s\n"]
+    return "".join(shown)
 
 
 def _origin_text(motion: Motion) -> str:

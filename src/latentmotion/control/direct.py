@@ -363,8 +363,8 @@ def named(goal: Mapping[str, Any]) -> str:
     """Returns the name and the time of an entry of a goal report."""
     kinds = {"pose": "pose", "degrees": "heading", "look_at": "eyes"}
     name = goal.get("joint") or next(kinds[kind] for kind in kinds if kind in goal)
-    until = f" to {goal['until']:g}" if "until" in goal else ""
-    return f"{name} at {goal['at']:g}{until} s"
+    until = f" to {round(goal['until'], 2):g}" if "until" in goal else ""
+    return f"{name} at {round(goal['at'], 2):g}{until} s"
 
 
 def sliding_in_contact(motion: Motion) -> float:

@@ -33,6 +33,10 @@ Offsets = Float[np.ndarray, "frames 3"]
 BLEND = 0.5
 """Seconds in which an offset comes and goes."""
 
+# Share of the time of an offset in which its rate decays: over all of it, a leg that swings at a
+# seam swung on through the floor.
+_RATE = 0.5
+
 # Meters that a standing foot may be moved by an offset that comes and goes.
 _STILL = 1e-4
 
@@ -174,8 +178,12 @@ def _decay(
     count: int, blend: float
 ) -> tuple[Float[np.ndarray, "frames 1 1"], Float[np.ndarray, "frames 1 1"]]:
     """Returns what is left of an offset and of its rate, from the first frame after a seam on."""
-    u = np.clip((np.arange(count) + 1) / (blend + 1), 0, 1)[:, None, None]
-    return 1 - quintic(u), (blend + 1) * rate_left(u)
+    short = _RATE * blend + 1
+    u, v = (
+        np.clip((np.arange(count) + 1) / length, 0, 1)[:, None, None]
+        for length in (blend + 1, short)
+    )
+    return 1 - quintic(u), short * rate_left(v)
 
 
 def _rotation_between(

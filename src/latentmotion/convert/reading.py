@@ -28,6 +28,7 @@ from zipfile import ZipFile, is_zipfile
 import torch
 from torch import Tensor
 
+from latentmotion import formats
 from latentmotion.errors import ModelError
 from latentmotion.networks.transformer import LEARNED_LENGTH, sine_rate, sines
 from latentmotion.storage.array_files import check_members
@@ -128,6 +129,10 @@ def split_parts(
     return parts, dict(others)
 
 
+# Endings of PyTorch's files that motions have, too.
+_SHARED = {".pkl", ".pt"}
+
+
 def read_content(path: Path) -> Any:
     """Returns the content of a PyTorch file without running code.
 
@@ -136,6 +141,11 @@ def read_content(path: Path) -> Any:
     """
     if not path.exists():
         raise ModelError(f"{path} does not exist")
+    if path.suffix.lower() in formats.READABLE.keys() - _SHARED:
+        raise ModelError(
+            f"{path} is a motion file, expected a checkpoint such as mld.ckpt; to write the motion "
+            f"in another format: latentmotion clean {path} -o motion.bvh"
+        )
     try:
         if is_zipfile(path):
             return read_with_placeholders(path)
