@@ -560,6 +560,9 @@ def test_a_body_that_hovers_comes_down_and_one_on_stairs_stays():
     stairs = standing(120)
     stairs[40:, :, 1] += 0.4
     np.testing.assert_allclose(align_floor(stairs, FPS, HUMANML3D)[90:], stairs[90:], atol=1e-3)
+    down = standing(120)
+    down[:80, :, 1] += 0.6
+    np.testing.assert_allclose(align_floor(down, FPS, HUMANML3D)[:30], down[:30], atol=1e-3)
     begun_above = standing(120)
     begun_above[:60, :, 1] += 0.4
     aligned = align_floor(begun_above, FPS, HUMANML3D)

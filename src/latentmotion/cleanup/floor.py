@@ -3,7 +3,7 @@
 1. The whole motion is shifted by one number if the feet of an upright body stand far from 0.
 2. Where the lowest joint hovers for longer than any jump lasts, the body is lowered. A body that
    lies (pelvis low) may hover a little, for its flesh; one that does not and is as high as a step
-   of stairs stands on something, if it began lower.
+   of stairs stands on something, if it began lower, or began much higher and ends on the floor.
 3. Where the body is below the floor, it is lifted; feet are lifted by their own legs, hands by
    their arms. A jump, a ladder, a flight of stairs are left as they are.
 
@@ -45,6 +45,8 @@ class Floor:
     step: tuple[float, float] = (0.12, 0.17)
     """Meters that the lowest joint of another body may be above the floor: below the first it
     hovers, above the second it stands on something."""
+    above: float = 0.5
+    """Meters from which one who begins above the floor and ends on it comes down from something."""
     longest_jump: float = 1.2
     """Seconds that a body may be in the air."""
     sink: float = 0.04
@@ -79,16 +81,17 @@ def align_floor(
     lies = np.maximum(0, np.minimum(1, (high - moved[..., 0, 1]) / (high - low)))
     reach, last = min(round(settings.longest_jump * fps / 2), len(moved) - 1), len(moved) - 1
     around = np.clip(np.arange(-reach, last + reach + 1), 0, last)
-    lowest = moved[..., 1].min(axis=-1)[around]
+    heights = moved[..., 1].min(axis=-1)
+    lowest = heights[around]
     base = np.lib.stride_tricks.sliding_window_view(lowest, 2 * reach + 1, axis=0).min(axis=-1)
-    climbed = np.logical_or.accumulate(moved[..., 1].min(axis=-1) < settings.step[0], axis=0)
+    climbed = np.logical_or.accumulate(heights < settings.step[0], axis=0)
+    climbed |= (heights[0] > settings.above) & (heights[-1] < settings.step[0])
     stands_on = climbed * ramp(base, *settings.step)
     hover = lies * np.maximum(0, base - settings.hover)
     hover += (1 - lies) * (1 - stands_on) * np.maximum(0, base - settings.tolerance)
     # One who hardly moves is not jumping, however short it is.
-    low = moved[..., 1].min(axis=-1)
-    stands_on = climbed * ramp(low, *settings.step)
-    hangs = (1 - lies) * (1 - stands_on) * np.maximum(0, low - settings.tolerance)
+    stands_on = climbed * ramp(heights, *settings.step)
+    hangs = (1 - lies) * (1 - stands_on) * np.maximum(0, heights - settings.tolerance)
     hover = np.maximum(hover, np.where(_still(moved[..., 0, :], fps), hangs, 0))
     if hover.any():
         # What is smooth lacks the tops of what is not; a second pass has most of them.

@@ -41,6 +41,10 @@ LEAST_OF_DRAWN = 0.68
 """Cosine from which a drawn clip may show what a sentence asks for: its sentences are short, and
 share words with others ("ape around" is 0.71 from "sneaks around", but 0.98 from a wording)."""
 
+RARE = 20
+"""Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes
+another one from noise. With 60 frequent movements lost (lab/diary/rare_acts.md)."""
+
 ABOUT = 0.05
 """How much farther than the nearest a caption may be for its support to count. Along discriminants
 cosines lie farther apart: with 0.03 "walks forward and sits down" was rare, as 23 of 200 known

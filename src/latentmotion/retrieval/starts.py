@@ -32,14 +32,11 @@ from latentmotion.retrieval.doubts import Doubts, Reading
 from latentmotion.retrieval.index import (
     ALIKE_WORDS,
     DRAWN,
+    RARE,
     SHOWN,
     ClipIndex,
     Neighbor,
 )
-
-RARE = 20
-"""Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes
-another one from noise. With 60 frequent movements lost (lab/diary/rare_acts.md)."""
 
 UNRELATED, UNRELATED_OF_DRAWN = 0.55, 0.4
 """Cosine up to which a caption says nothing of what a sentence asks for; the short sentences of
