@@ -22,7 +22,8 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.cli.main import VERBS, main
+from latentmotion.cli import VERBS
+from latentmotion.cli.main import main
 from latentmotion.cli.usage import parsed
 
 ROOT = next(folder for folder in Path(__file__).parents if (folder / "pyproject.toml").is_file())

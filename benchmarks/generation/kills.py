@@ -38,8 +38,7 @@ from benchmarks.harness.replicas import free_port
 from latentmotion import formats
 from latentmotion.cli.main import main as run
 from latentmotion.motion import Motion
-from latentmotion.studio.edits import Edits
-from latentmotion.studio.library import Library
+from latentmotion.studio.library import Edits, Library
 
 FORMATS = (".bvh", ".glb", ".npz", ".csv", ".html")
 TAKES = 12

@@ -25,8 +25,7 @@ import numpy as np
 from benchmarks.generation.service import processor
 from benchmarks.harness.contest import figure, table
 from latentmotion import Motion
-from latentmotion.studio.edits import Edits
-from latentmotion.studio.library import Library
+from latentmotion.studio.library import Edits, Library
 
 PROMPT = "a person walks forward and kicks"
 

@@ -28,9 +28,9 @@ from benchmarks.harness.contest import table
 from latentmotion import MotionPipeline
 from latentmotion.data.clip import Caption
 from latentmotion.errors import InputError
-from latentmotion.evaluation.embedding_scores import reads_text
 from latentmotion.evaluation.evaluators.interface import TextMotionEvaluator, load_evaluator
 from latentmotion.evaluation.metrics import ranks
+from latentmotion.evaluation.scores import reads_text
 from latentmotion.ranking.scorer import shipped_scorer
 from latentmotion.storage.reading import read_text
 

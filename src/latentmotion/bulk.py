@@ -38,8 +38,8 @@ from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage import limits
 from latentmotion.storage.files import sha256
 from latentmotion.storage.reading import read_table, read_text
-from latentmotion.storage.shards import Run, ShardContent, Work, Wrong
-from latentmotion.text.cache import MemoryCachedTextEncoder
+from latentmotion.storage.shards import ShardContent, ShardedRun, Work, Wrong
+from latentmotion.text.encoder import MemoryCachedTextEncoder
 
 COLUMNS = ("prompt", "seconds", "seed")
 """Columns of a table that are read; the first is needed."""
@@ -294,7 +294,7 @@ def work_of(generation: BulkGeneration, prompts: Path, seed: int = 0, rows: int 
         )
         for number, start in enumerate(starts)
     }
-    return Work(Run(settings, len(every), tuple(tasks)), tasks)
+    return Work(ShardedRun(settings, len(every), tuple(tasks)), tasks)
 
 
 def make_shard(generation: BulkGeneration, rows: Sequence[PromptRow]) -> ShardContent:

@@ -177,7 +177,7 @@ class Motion:
             angle = heading(last, self.skeleton) - heading(first, self.skeleton)
             turned = turn(other.joints - first[0] * on_floor, np.asarray(angle))
             joints = np.concatenate([joints, turned + last[0] * on_floor])
-        captions = [one.caption for one in (self, *others) if one.caption]
+        captions = [each.caption for each in (self, *others) if each.caption]
         return self.with_joints(joints, ", then ".join(captions))
 
     def mirrored(self) -> Motion:
@@ -273,12 +273,12 @@ _TOGETHER = 32
 
 def alike(motions: Sequence[Motion]) -> list[list[int]]:
     """Returns which motions can be worked on together: those of one length, rate and skeleton."""
-    found: dict[tuple[int, float, Skeleton], list[int]] = {}
+    groups: dict[tuple[int, float, Skeleton], list[int]] = {}
     for number, motion in enumerate(motions):
-        found.setdefault((len(motion), motion.fps, motion.skeleton), []).append(number)
+        groups.setdefault((len(motion), motion.fps, motion.skeleton), []).append(number)
     return [
         every[first : first + _TOGETHER]
-        for every in found.values()
+        for every in groups.values()
         for first in range(0, len(every), _TOGETHER)
     ]
 
@@ -291,7 +291,7 @@ def animations(motions: Sequence[Motion]) -> list[Animation]:
     for numbers in counted(alike(new), "finding rotations"):
         first = new[numbers[0]]
         joints = np.stack([new[number].joints for number in numbers], axis=1)
-        found = solve_batch(joints, first.fps, first.skeleton)
-        for number, animation in zip(numbers, found, strict=True):
+        solutions = solve_batch(joints, first.fps, first.skeleton)
+        for number, animation in zip(numbers, solutions, strict=True):
             new[number].__dict__["_solved"] = new[number]._turning(animation)
     return [motion.animation() for motion in motions]

@@ -66,8 +66,13 @@ from latentmotion.progress import counted
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.retrieval.doubts import DoubtWarning, Reading
-from latentmotion.text.cache import MAX_PROMPTS, CachedTextEncoder, MemoryCachedTextEncoder
-from latentmotion.text.encoder import LazyTextEncoder, silent_of_unknown
+from latentmotion.text.encoder import (
+    MAX_PROMPTS,
+    CachedTextEncoder,
+    LazyTextEncoder,
+    MemoryCachedTextEncoder,
+    silent_of_unknown,
+)
 from latentmotion.text.lengths import TAKE_QUANTILES, LengthFile, within
 
 if TYPE_CHECKING:

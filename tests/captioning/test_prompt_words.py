@@ -11,16 +11,17 @@ from latentmotion.language.inflection import inflect, past_tense
 from latentmotion.language.reading import claims_of
 from latentmotion.measure.facts import SingleAction
 from latentmotion.training.captioning.clauses import VERBS, other_number
-from latentmotion.training.captioning.prompt_patterns import (
+from latentmotion.training.captioning.prompting import (
     Wording,
     clockwise,
+    contrasted,
     kinds,
     number,
+    prompts,
     some,
     times,
     wording,
 )
-from latentmotion.training.captioning.prompting import contrasted, prompts
 
 
 def action(kind: str, **fields: object) -> SingleAction:

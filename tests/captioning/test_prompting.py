@@ -13,8 +13,7 @@ from latentmotion.data.clip import mirror_words
 from latentmotion.language.reading import claims_of
 from latentmotion.language.words import plain
 from latentmotion.measure.facts import SingleAction
-from latentmotion.training.captioning.prompt_patterns import kinds, wording
-from latentmotion.training.captioning.prompting import prompts, prompts_in_order
+from latentmotion.training.captioning.prompting import kinds, prompts, prompts_in_order, wording
 
 _GAITS = ("walk", "jog", "run")
 _TURNING = ("walk_then_turn", "turn_then_walk", "turn_and_return", "circle", "half_circle")

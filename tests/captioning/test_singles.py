@@ -8,12 +8,6 @@ import numpy as np
 import pytest
 
 from latentmotion.data.dataset import Cropping, Dataset, Item
-from latentmotion.data.lengths import (
-    SHORTEST_ACT,
-    CaptionLengths,
-    joined,
-    prepared_caption_lengths,
-)
 from latentmotion.errors import DataError
 from latentmotion.measure.facts import SingleAction
 from latentmotion.training.captioning import singles
@@ -25,6 +19,12 @@ from latentmotion.training.captioning.singles import (
     balanced_singles,
     clip_generator,
     single_rows,
+)
+from latentmotion.training.lengths import (
+    SHORTEST_ACT,
+    CaptionLengths,
+    joined,
+    prepared_caption_lengths,
 )
 from tests.support.moving_figures import write_moving_figures
 

@@ -9,7 +9,8 @@ import sys
 
 import pytest
 
-from latentmotion.cli.main import VERBS, main
+from latentmotion.cli import VERBS
+from latentmotion.cli.main import main
 
 
 def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:

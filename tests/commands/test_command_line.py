@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.cli.main import VERBS, main
+from latentmotion.cli import VERBS
+from latentmotion.cli.main import main
 
 SNAPSHOT = Path(__file__).parent / "command_line.txt"
 UPDATE = "UPDATE_COMMAND_LINE"

@@ -11,10 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from latentmotion.data.held_out import TEST, VAL, held_out, pieces_of, split_of
-from latentmotion.data.lengths import (
-    read_caption_lengths,
-)
 from latentmotion.data.sources.cmu import native_fps, trial_of
 from latentmotion.data.sources.hdm05 import CLASSES
 from latentmotion.data.sources.humanml3d import (
@@ -23,7 +19,11 @@ from latentmotion.data.sources.humanml3d import (
     read_splits,
     read_texts,
 )
+from latentmotion.data.sources.snu import TEST, VAL, held_out, pieces_of, split_of
 from latentmotion.errors import DataError, FileFormatError
+from latentmotion.training.lengths import (
+    read_caption_lengths,
+)
 
 
 @pytest.mark.parametrize(

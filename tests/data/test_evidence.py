@@ -9,7 +9,7 @@ import pytest
 
 from latentmotion.data.quality import find_glitch, without_blend, without_t_poses
 from latentmotion.data.recording import every, interpolate, whole_step
-from latentmotion.data.sources.evidence import EVIDENCE, floor_of, shows
+from latentmotion.data.sources.snu import EVIDENCE, floor_of, shows
 from latentmotion.kinematics.skeleton import HUMANML3D
 from tests.support.mocap_folders import swaying
 from tests.support.simple_motions import FPS, figure, mirrored, raised

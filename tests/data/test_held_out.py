@@ -9,12 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from latentmotion.data.held_out import held_out, pieces_of, split_of
 from latentmotion.data.recording import Recording
 from latentmotion.data.sources.cmu import rows_by_trial
 from latentmotion.data.sources.hdm05 import split_of as hdm05_split
 from latentmotion.data.sources.humanml3d import read_splits
-from latentmotion.data.sources.snu import recording_of, snu_recordings
+from latentmotion.data.sources.snu import (
+    held_out,
+    pieces_of,
+    recording_of,
+    snu_recordings,
+    split_of,
+)
 
 
 def test_the_lists_hold_what_was_fixed() -> None:

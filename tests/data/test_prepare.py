@@ -13,7 +13,7 @@ from latentmotion.data.clip import Caption, Clip, Source, TaggedSentence
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.prepare import MIN_FRAMES, Preparation, encode, encode_all, merge
 from latentmotion.data.recording import Dropped, EncodedRecording, Label, PosedRecording, Recording
-from latentmotion.data.report import REPORT, Part, Report, parts_of, read_report
+from latentmotion.data.report import REPORT, Part, PreparationReport, parts_of, read_report
 from latentmotion.data.store import MANIFEST, StoredClip, caption_rows, read_manifest
 from latentmotion.errors import DataError, InputError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
@@ -168,7 +168,7 @@ def test_a_report_in_words() -> None:
     dropped = tuple(
         Dropped(n, what, "why") for n, what in (("a", "clip"), ("b", "caption"), ("c", "clip"))
     )
-    lines = Report(parts, dropped, 0.1234, ("a note",)).text().splitlines()
+    lines = PreparationReport(parts, dropped, 0.1234, ("a note",)).text().splitlines()
     assert [line.split() for line in lines[:4]] == [
         ["source", "split", "clips", "captions", "hours"],
         ["cmu", "train", "2", "3", "0.500"],
@@ -183,7 +183,7 @@ def test_a_report_in_words() -> None:
         "joints → features → joints: off by 0.123 mm at the most",
         "a note",
     ]
-    assert Report((), (), None).text().splitlines()[2:] == ["dropped: nothing"]
+    assert PreparationReport((), (), None).text().splitlines()[2:] == ["dropped: nothing"]
     assert len({len(line) for line in lines[:4]}) == 1, "columns are aligned"
 
 
@@ -202,7 +202,7 @@ def test_merged_reports_are_of_all_folders(tmp_path: Path) -> None:
 
 def test_a_damaged_report_is_named(tmp_path: Path) -> None:
     (tmp_path / REPORT).write_text('{"parts": [], "dropped": [], "rount_trip_mm": 1}')
-    with pytest.raises(InputError, match=r"report\.json: Report: unknown key 'rount_trip_mm'"):
+    with pytest.raises(InputError, match=r"report\.json: PreparationReport: unknown key 'rount"):
         read_report(tmp_path)
 
 

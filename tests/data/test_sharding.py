@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from latentmotion.cli.main import main
-from latentmotion.data import sharding
+from latentmotion.data import packing
 from latentmotion.storage import shards
 from latentmotion.storage.address import Folder
 from latentmotion.storage.shards import Record, Work, make
@@ -52,7 +52,7 @@ def cmu(folder: Path) -> Words:
 
 @pytest.fixture(autouse=True)
 def one_file_a_shard(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sharding, "FILES", 1)
+    monkeypatch.setattr(packing, "FILES", 1)
 
 
 def prepare(words: Words, output: Path, *more: str) -> Path:
@@ -86,9 +86,9 @@ import os, signal, sys
 from pathlib import Path
 
 from latentmotion.cli.main import main
-from latentmotion.data import sharding
+from latentmotion.data import packing
 
-sharding.FILES, write, files = 1, Path.write_bytes, []
+packing.FILES, write, files = 1, Path.write_bytes, []
 
 def dying(path, content):
     files.append(path)

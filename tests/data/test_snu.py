@@ -9,7 +9,6 @@ import pytest
 
 from latentmotion.data.recording import Dropped, Recording
 from latentmotion.data.sources import LABELS
-from latentmotion.data.sources.evidence import shows
 from latentmotion.data.sources.snu import (
     Group,
     LabeledSpan,
@@ -20,6 +19,7 @@ from latentmotion.data.sources.snu import (
     recording_of,
     sentences_for,
     sentences_of,
+    shows,
     snu_recordings,
 )
 from latentmotion.errors import DataError, FileFormatError

@@ -22,7 +22,7 @@ from latentmotion.evaluation.evaluators.action import (
     save_action_classifier,
 )
 from latentmotion.evaluation.evaluators.interface import load_evaluator
-from latentmotion.evaluation.position_scores import with_smpl_joints
+from latentmotion.evaluation.scores import with_smpl_joints
 from latentmotion.formats import load
 from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.config import DenoiserConfig, LatentSpace, Sampling, TransformerVAEConfig

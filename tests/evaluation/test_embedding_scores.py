@@ -14,17 +14,6 @@ from latentmotion.data.clip import Caption, Clip
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError
 from latentmotion.evaluation.candidates import Generated
-from latentmotion.evaluation.embedding_scores import (
-    ActionCache,
-    Embeddings,
-    TextMotionCache,
-    caption_multimodality,
-    embedding_cache,
-    embedding_scores,
-    ground_truth_scores,
-    measures_multimodality,
-    reads_text,
-)
 from latentmotion.evaluation.evaluators.interface import Recognition
 from latentmotion.evaluation.metrics import (
     Gaussian,
@@ -42,6 +31,17 @@ from latentmotion.evaluation.protocol import (
     Replication,
     TestItem,
     TestPrompt,
+)
+from latentmotion.evaluation.scores import (
+    ActionCache,
+    Embeddings,
+    TextMotionCache,
+    caption_multimodality,
+    embedding_cache,
+    embedding_scores,
+    ground_truth_scores,
+    measures_multimodality,
+    reads_text,
 )
 from latentmotion.model.card import ModelCard, find_model, read_card
 

@@ -17,7 +17,6 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import DataError, FileFormatError, InputError, ModelError
 from latentmotion.evaluation.candidates import Generated, Prior, Reconstructed
-from latentmotion.evaluation.embedding_scores import groups
 from latentmotion.evaluation.evaluate import (
     Comparison,
     PublishedGroundTruth,
@@ -30,6 +29,7 @@ from latentmotion.evaluation.evaluators.action import MotionGRUConfig, Recognize
 from latentmotion.evaluation.evaluators.interface import Recognition
 from latentmotion.evaluation.protocol import CLEAN, PAPER, Protocol, Repeats
 from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report
+from latentmotion.evaluation.scores import groups
 from latentmotion.model.card import ModelCard, find_model, read_card
 from latentmotion.model.config import ConvolutionalVAEConfig, IdentityVAEConfig
 from latentmotion.networks.backend import torch_prior

@@ -30,12 +30,6 @@ from latentmotion.evaluation.evaluate import (
     published_ground_truth,
 )
 from latentmotion.evaluation.evaluators.interface import evaluator_kind, load_evaluator
-from latentmotion.evaluation.position_scores import (
-    PositionScores,
-    body_of,
-    lacks_smpl_joints,
-    notes_on_joints,
-)
 from latentmotion.evaluation.protocol import (
     AUTHORS,
     CLEAN,
@@ -50,19 +44,25 @@ from latentmotion.evaluation.report import (
     GROUND_TRUTH,
     UNITS,
     Figure,
-    Provenance,
     Report,
+    ReportProvenance,
     card_figures,
     provenance_of,
     statistics_hash,
     table_line,
     weights_hash,
 )
+from latentmotion.evaluation.scores import (
+    PositionScores,
+    body_of,
+    lacks_smpl_joints,
+    notes_on_joints,
+)
 from latentmotion.model.card import find_model, read_card
 from latentmotion.model.config import Sampling
 from tests.support.moving_figures import write_moving_figures
 
-MADE = Provenance(
+MADE = ReportProvenance(
     data="set",
     data_hash="d1",
     weights={"fast": "w1", "slow": "w1", "other": ""},

@@ -11,7 +11,6 @@ import torch
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import ModelError
-from latentmotion.evaluation.embedding_scores import reads_text
 from latentmotion.evaluation.evaluators.interface import load_evaluator
 from latentmotion.evaluation.evaluators.text_motion import (
     T2MEvaluator,
@@ -22,6 +21,7 @@ from latentmotion.evaluation.evaluators.text_motion import (
 )
 from latentmotion.evaluation.evaluators.text_motion_network import TextMotionConfig, TowerConfig
 from latentmotion.evaluation.evaluators.words import EncodedWords
+from latentmotion.evaluation.scores import reads_text
 from latentmotion.model.card import find_model
 from latentmotion.ranking.nearest import read_training_vectors
 from latentmotion.ranking.scorer import Scorer

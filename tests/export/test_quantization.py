@@ -12,8 +12,7 @@ import torch
 from torch import nn
 
 from latentmotion.engine.session import Runtime, Session, open_session
-from latentmotion.export.graph_weights import quantize
-from latentmotion.export.onnx import trace
+from latentmotion.export.onnx import quantize, trace
 
 
 class Small(nn.Module):

@@ -13,8 +13,7 @@ from safetensors.torch import save_file
 from latentmotion.condition import Conditioning
 from latentmotion.engine.session import Runtime, open_session
 from latentmotion.errors import ModelError
-from latentmotion.export.graph_weights import FEWEST, share_weights
-from latentmotion.export.onnx import export_denoiser
+from latentmotion.export.onnx import FEWEST, export_denoiser, share_weights
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
 from latentmotion.networks.checkpoint import SCALE, build, load_weights, read_weights
 from latentmotion.networks.text_encoder import pack

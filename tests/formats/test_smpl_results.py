@@ -15,7 +15,7 @@ import pytest
 from latentmotion import formats
 from latentmotion.cli.main import main
 from latentmotion.errors import FileFormatError, LatentMotionError
-from latentmotion.formats.smpl_npz import PELVIS
+from latentmotion.formats.smpl import PELVIS
 from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
 from latentmotion.kinematics.standing import Stated
 from latentmotion.motion import Motion

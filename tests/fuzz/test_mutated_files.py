@@ -56,8 +56,7 @@ from latentmotion.retarget import read_rig, transfer
 from latentmotion.retrieval.index import read_index
 from latentmotion.retrieval.wordings import read_wordings
 from latentmotion.storage.configuration import read_plain, write_json
-from latentmotion.studio.edits import Edits
-from latentmotion.studio.library import Library
+from latentmotion.studio.library import Edits, Library
 from latentmotion.studio.projects import write as write_project
 from latentmotion.studio.schemas import Project
 from latentmotion.study.design import KEY_FORMAT, KeyPair, StudyKey

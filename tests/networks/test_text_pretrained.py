@@ -19,7 +19,7 @@ from latentmotion.networks.pretrained_text import (
     PretrainedTextEncoder,
     packaged_minilm,
 )
-from latentmotion.text.cache import CachedTextEncoder
+from latentmotion.text.encoder import CachedTextEncoder
 from tests.support.tiny_text import (
     CAPTIONS,
     MODELS,

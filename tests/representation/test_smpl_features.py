@@ -9,7 +9,7 @@ from latentmotion.errors import InputError
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import BODY
 from latentmotion.motion import Motion
-from latentmotion.representation.interface import representation_named
+from latentmotion.representation import representation_named
 from latentmotion.representation.smpl import SMPL_FEATURES, UPRIGHT, smpl_features
 from tests.support.walker import walker
 

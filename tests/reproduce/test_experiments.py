@@ -27,7 +27,7 @@ from latentmotion.evaluation.evaluators.interface import Recognition
 from latentmotion.evaluation.protocol import CLEAN, Repeats
 from latentmotion.model.config import TransformerVAEConfig
 from latentmotion.networks.checkpoint import build
-from latentmotion.reproduce.budget import BUDGETS, PAPER, SMALL, Budget, budget_named
+from latentmotion.reproduce.budget import BUDGETS, MODELS, PAPER, SMALL, Budget, Model, budget_named
 from latentmotion.reproduce.markdown import (
     RowResult,
     TableResult,
@@ -38,7 +38,6 @@ from latentmotion.reproduce.markdown import (
     overview,
     rows_of,
 )
-from latentmotion.reproduce.models import MODELS, Model
 from latentmotion.reproduce.plots import chosen, map_of, silhouette
 from latentmotion.reproduce.runner import TableRunner
 from latentmotion.reproduce.table import TABLES, Row, Table, rows_named, table_named

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from latentmotion.errors import InputError
-from latentmotion.reproduce.budget import BUDGETS, PAPER, SMALL, budget_named
+from latentmotion.reproduce.budget import BUDGETS, MODELS, PAPER, SMALL, budget_named
 from latentmotion.reproduce.markdown import (
     MINUTES,
     UNITS,
@@ -21,7 +21,6 @@ from latentmotion.reproduce.markdown import (
     overview,
     rows_of,
 )
-from latentmotion.reproduce.models import MODELS
 from latentmotion.reproduce.table import TABLES, Row, Table, rows_named, table_named
 
 ROWS = (

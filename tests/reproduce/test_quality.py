@@ -17,8 +17,7 @@ from latentmotion.reproduce.joined import interval, join_runs, joined_row
 from latentmotion.reproduce.markdown import RowResult, TableResult, fill
 from latentmotion.reproduce.runner import TableRunner
 from latentmotion.reproduce.table import TABLES, rows_named
-from latentmotion.reproduce.training_cost import training_cost
-from latentmotion.reproduce.workspace import Workspace
+from latentmotion.reproduce.workspace import Workspace, training_cost
 from latentmotion.storage.configuration import read_json, write_json
 from latentmotion.training.run_folder import Run, read_run
 from tests.reproduce.test_experiments import PROTOCOL, TINY, Means, workspace_of

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from latentmotion.model.card import MOVES_FILE, SHIPPED
-from latentmotion.representation.interface import representation_named
+from latentmotion.representation import representation_named
 from latentmotion.retrieval.index import DRAWN, read_index
 
 DATA = Path(__file__).parents[2] / "data"

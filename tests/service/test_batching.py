@@ -11,12 +11,11 @@ import httpx
 import pytest
 
 from latentmotion.errors import InputError
-from latentmotion.service.batching import Batcher
+from latentmotion.service.batching import Batcher, BatchSettings, Prompt, run
 from latentmotion.service.metrics import Metrics
-from latentmotion.service.model import BatchSettings, Prompt, run
 from latentmotion.service.problems import Problem
 from latentmotion.service.state import ClientGoneError, unless_gone
-from latentmotion.text.cache import MemoryCachedTextEncoder
+from latentmotion.text.encoder import MemoryCachedTextEncoder
 from tests.service.conftest import Called
 
 

@@ -15,7 +15,7 @@ import pytest
 import websockets.sync.client
 from websockets.exceptions import InvalidStatus
 
-from latentmotion.service import model, server
+from latentmotion.service import batching, server
 from latentmotion.service.app import create_app
 from latentmotion.service.server import SPARE, Server, address, bound, configuration
 from latentmotion.service.settings import Settings
@@ -138,7 +138,7 @@ def test_the_loop_is_free_while_the_worst_requests_arrive(base: str) -> None:
 def test_the_checks_of_many_prompts_run_off_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     threads = []
     service = Service(Settings(file_workers=1))
-    monkeypatch.setattr(model, "check", lambda *_: threads.append(threading.current_thread()))
+    monkeypatch.setattr(batching, "check", lambda *_: threads.append(threading.current_thread()))
     monkeypatch.setattr(service.batcher, "submit", lambda *_: asyncio.sleep(0, []))
     asyncio.run(service.generated(object(), [], 1.0))  # type: ignore[arg-type]
     assert threads and threads[0] is not threading.main_thread()

@@ -15,7 +15,7 @@ import pytest
 from latentmotion.errors import DataError, InputError
 from latentmotion.storage import shards
 from latentmotion.storage.address import folder_at
-from latentmotion.storage.shards import Run, ShardContent, ShardSubset, Work, Wrong
+from latentmotion.storage.shards import ShardContent, ShardedRun, ShardSubset, Work, Wrong
 
 COUNT = 9
 NAMES = tuple(f"numbers-{number}.txt" for number in range(COUNT))
@@ -28,7 +28,7 @@ def numbers(first: int) -> ShardContent:
 
 def work(seed: int = 0) -> Work:
     tasks = {name: partial(numbers, 10 * n + seed) for n, name in enumerate(NAMES)}
-    return Work(Run({"seed": seed}, 10 * COUNT, NAMES), tasks)
+    return Work(ShardedRun({"seed": seed}, 10 * COUNT, NAMES), tasks)
 
 
 def content(folder: Path) -> dict[str, bytes]:

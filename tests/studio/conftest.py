@@ -12,8 +12,7 @@ import pytest
 from latentmotion import Motion
 from latentmotion.service.settings import Settings
 from latentmotion.studio.app import create_studio
-from latentmotion.studio.edits import Edits
-from latentmotion.studio.library import Library, StoredTake
+from latentmotion.studio.library import Edits, Library, StoredTake
 from tests.service.conftest import TOKEN, Called, calling, serving
 
 SETTINGS = Settings(file_workers=1, tokens=(hashlib.sha256(TOKEN.encode()).digest(),))

@@ -9,7 +9,7 @@ import pytest
 
 from latentmotion.motion import Motion
 from latentmotion.ranking.best import Take
-from latentmotion.studio.best import reason
+from latentmotion.studio.takes import reason
 from tests.service.conftest import Called
 from tests.studio.conftest import made
 

@@ -11,8 +11,7 @@ import pytest
 
 from latentmotion import Motion
 from latentmotion.errors import InputError
-from latentmotion.studio.edits import Edits
-from latentmotion.studio.library import ID, Library, MissingMotionError, UnknownError
+from latentmotion.studio.library import ID, Edits, Library, MissingMotionError, UnknownError
 from tests.studio.conftest import kept
 from tests.support.simple_motions import figure
 

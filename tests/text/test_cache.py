@@ -16,9 +16,8 @@ from latentmotion.condition import TextEmbedding, TextEncoder
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.storage.files import cache_folder
-from latentmotion.text import cache
-from latentmotion.text.cache import CachedTextEncoder
-from latentmotion.text.encoder import LazyTextEncoder, UnknownWordsWarning
+from latentmotion.text import encoder as cache
+from latentmotion.text.encoder import CachedTextEncoder, LazyTextEncoder, UnknownWordsWarning
 
 
 class Letters:

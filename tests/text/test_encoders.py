@@ -15,9 +15,9 @@ from safetensors.numpy import save_file
 from latentmotion.condition import TextEmbedding, TextEncoder
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, find_model
-from latentmotion.text import cache
-from latentmotion.text.cache import CachedTextEncoder
+from latentmotion.text import encoder as cache
 from latentmotion.text.encoder import (
+    CachedTextEncoder,
     EncoderWithVocabulary,
     GraphTextEncoder,
     LazyTextEncoder,

@@ -10,8 +10,7 @@ from latentmotion.diffusion.parametrization import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.model.config import ConvolutionalVAEConfig
 from latentmotion.networks.checkpoint import build, load_model
-from latentmotion.reproduce.budget import PAPER, SMALL
-from latentmotion.reproduce.models import MODELS
+from latentmotion.reproduce.budget import MODELS, PAPER, SMALL
 from latentmotion.reproduce.workspace import vae_cost
 from latentmotion.storage.configuration import to_json
 from latentmotion.training.experiment import differing_keys, preset_named

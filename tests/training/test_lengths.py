@@ -13,7 +13,6 @@ import pytest
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.condition import TextConditioning, UnconditionalTask
-from latentmotion.data.lengths import CaptionLengths, read_caption_lengths
 from latentmotion.engine.request import frames_of
 from latentmotion.errors import DataError, InputError, ModelError
 from latentmotion.model.card import LENGTHS_FILE, find_model, lengths_file, read_card
@@ -21,7 +20,13 @@ from latentmotion.model.config import ConvolutionalVAEConfig, DenoiserConfig, La
 from latentmotion.networks.checkpoint import save_model
 from latentmotion.text.encoder import load_text_encoder
 from latentmotion.text.lengths import QUANTILES, SHORTEST_USUAL, LengthFile, LengthModel
-from latentmotion.training.lengths import LengthRecipe, measured, train_lengths
+from latentmotion.training.lengths import (
+    CaptionLengths,
+    LengthRecipe,
+    measured,
+    read_caption_lengths,
+    train_lengths,
+)
 from tests.support.untrained import SMALL, card, untrained
 
 SHORT = [f"{who} kicks {how}" for who in ("a person", "a man", "he") for how in ("", "high", "low")]

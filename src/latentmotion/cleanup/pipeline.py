@@ -14,13 +14,12 @@ from jaxtyping import Float
 
 from latentmotion.cleanup.bone_lengths import constant_bones
 from latentmotion.cleanup.contacts import Contacts, foot_contacts
-from latentmotion.cleanup.counting import exact_count
+from latentmotion.cleanup.counting import exact_count, exact_turns
 from latentmotion.cleanup.floor import Floor, align_floor, hold_seats
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.loops import is_loop, rolled_up, turns_beside, unrolled
 from latentmotion.cleanup.smoothing import gaussian, settled, sharpened, steadied
-from latentmotion.cleanup.turning import exact_turns
 from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding

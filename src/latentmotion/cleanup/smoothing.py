@@ -267,9 +267,9 @@ def spread(
         frames: Length of the curve.
         blend: Frames in which an offset comes and goes.
     """
-    known = sorted(offsets)
+    frames_given = sorted(offsets)
     curve, still = np.zeros((frames, 3)), np.zeros(3)
-    if not known:
+    if not frames_given:
         return curve
 
     def rate(frame: int, ahead: int) -> np.ndarray:
@@ -280,8 +280,8 @@ def spread(
         return ahead * (-1.5 * near[0] + 2 * near[1] - 0.5 * near[2])  # type: ignore[operator]
 
     # Frame, offset, and its change per frame, on either side.
-    knots = [(known[0] - blend, still, still, still)]
-    for frame, later in zip(known, [*known[1:], None], strict=True):
+    knots = [(frames_given[0] - blend, still, still, still)]
+    for frame, later in zip(frames_given, [*frames_given[1:], None], strict=True):
         knots.append(
             (float(frame), np.asarray(offsets[frame], float), rate(frame, 1), rate(frame, -1))
         )

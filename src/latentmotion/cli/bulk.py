@@ -127,7 +127,7 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
         for wrong in record.wrong:
             print(f"{self.prompts}:{wrong.line}: {wrong.problem}; left out", file=sys.stderr)
 
-    def _print_summary(self, manifest: shards.Manifest) -> None:
+    def _print_summary(self, manifest: shards.ShardManifest) -> None:
         motions = sum(record.items for record in manifest.shards)
         wrong = sum(len(record.wrong) for record in manifest.shards)
         files = [file for shard in manifest.shards for file in (shard, *shard.files)]

@@ -18,26 +18,27 @@ from tyro.conf import Positional, arg
 from latentmotion import __version__
 from latentmotion.cli import options
 from latentmotion.cli.motions import write_draft
-from latentmotion.data import pack_file, packing, sharding
+from latentmotion.data import pack_file, packing
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.inspection import inspect_folder
 from latentmotion.data.instructions import refused_captions
 from latentmotion.data.prepare import Preparation, encode_all, merge
 from latentmotion.data.recording import Dropped, EncodedRecording, FileGroup
-from latentmotion.data.report import Report, parts_of
+from latentmotion.data.report import PreparationReport, parts_of
 from latentmotion.data.sources import cmu, hdm05, humanact12, humanml3d, snu, uestc
 from latentmotion.data.sources.cmu import CMU
 from latentmotion.data.sources.own import OwnMotions
 from latentmotion.data.store import MANIFEST, StoredNormalizer
 from latentmotion.errors import InputError, hint
 from latentmotion.plugins import plugin, plugin_names
+from latentmotion.representation import representation_named
 from latentmotion.representation.humanml3d import (
     HANDS_FEATURES,
     HUMANML3D_FEATURES,
     KIT_FEATURES,
 )
-from latentmotion.representation.interface import Representation, representation_named
+from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SMPL_FEATURES
 from latentmotion.storage import shards
 from latentmotion.storage.address import folder_at
@@ -128,7 +129,7 @@ class _PrepareInParts(_Prepare):
         else:
             # Another version may read the same files otherwise: what is kept beside is not its.
             versioned = {"version": __version__, **settings}
-            work = sharding.work_of(groups(sharding.FILES), representation, versioned)
+            work = packing.work_of(groups(packing.FILES), representation, versioned)
             beside = self.output.with_name(f"{self.output.name}.recordings")
             folder = folder_at(str(beside), create=True)
 
@@ -140,7 +141,7 @@ class _PrepareInParts(_Prepare):
             elif shards.make(work, folder, share, report) is None:
                 print(f"shard {self.shard} is finished, others are not")
                 return
-            recordings = sharding.recordings_of(folder)
+            recordings = packing.recordings_of(folder)
         self._write(representation, source, recordings, notes=notes)
 
 
@@ -415,7 +416,7 @@ class UnpackData(_Prepare):
     def run(self) -> None:
         """Writes the folder and prints what is in it."""
         manifest = pack_file.unpack(self.file, self.output)
-        print(Report(parts_of(manifest), (), None).table())
+        print(PreparationReport(parts_of(manifest), (), None).table())
         print(f"wrote {self.output}")
 
 

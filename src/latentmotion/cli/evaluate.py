@@ -148,7 +148,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         Raises:
             ModelError: The model has nothing to measure.
         """
-        from latentmotion.evaluation import cost, evaluate, position_scores
+        from latentmotion.evaluation import cost, evaluate, scores
         from latentmotion.evaluation.evaluators.interface import load_evaluator
         from latentmotion.evaluation.report import REPORT_FILE, card_figures
         from latentmotion.networks.backend import text_encoder_named
@@ -159,7 +159,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         evaluator = load_evaluator(self.evaluator) if self.evaluator else None
         if self.body is not None:
             body = load_smpl(self.body)
-            dataset, evaluator = position_scores.with_smpl_joints(body, dataset, evaluator)
+            dataset, evaluator = scores.with_smpl_joints(body, dataset, evaluator)
         candidates, protocol = self.candidates(folder), self.changed_protocol()
         comparison = evaluate.Comparison(tuple(candidates), dataset, evaluator, protocol)
         report = self._measure_share(comparison, self.shard) if self.shard else comparison()

@@ -147,7 +147,7 @@ class RunExperiment:
         from latentmotion.evaluation.protocol import PROTOCOLS
         from latentmotion.networks.backend import text_encoder_named
         from latentmotion.reproduce import budget, runner, workspace
-        from latentmotion.text.cache import CachedTextEncoder
+        from latentmotion.text.encoder import CachedTextEncoder
         from latentmotion.training.distributed import distributed_context
 
         @cache

@@ -15,7 +15,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.text_motion import export_scorer, load_text_motion
 from latentmotion.export import package
-from latentmotion.export.graph_weights import Weights
+from latentmotion.export.onnx import Weights
 from latentmotion.export.package import export_pretrained, with_decoder
 from latentmotion.export.web import export_web
 from latentmotion.model import card as cards

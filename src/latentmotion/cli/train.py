@@ -17,7 +17,6 @@ from tyro.conf import OmitArgPrefixes, arg
 
 from latentmotion.cli import options
 from latentmotion.condition import TASKS, TextEncoder
-from latentmotion.data import lengths as captions
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sources.own import OwnMotions
@@ -29,8 +28,7 @@ from latentmotion.networks.backend import find_encoder, text_encoder_named
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import check_replaceable, check_writable
-from latentmotion.text.cache import CachedTextEncoder
-from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning
+from latentmotion.text.encoder import CachedTextEncoder, StudentTextEncoder, UnknownWordsWarning
 from latentmotion.text.lengths import LengthFile, LengthModel
 from latentmotion.training import classifier, decoder, evaluator, lengths, stages
 from latentmotion.training.classifier import ClassifierExperiment
@@ -348,27 +346,27 @@ class TrainLength:
         encoder = text_encoder_named(self.text_encoder)
         earlier = LengthModel.read(self.keep, encoder.name) if self.keep else None
         train, test = (
-            captions.read_caption_lengths(self.captions, name) for name in ("train", "test")
+            lengths.read_caption_lengths(self.captions, name) for name in ("train", "test")
         )
         dataset = Dataset.load(self.data) if self.data else None
         if dataset:
-            whole = captions.prepared_caption_lengths(dataset, "train")
-            train = captions.joined([train, whole])
+            whole = lengths.prepared_caption_lengths(dataset, "train")
+            train = lengths.joined([train, whole])
         if self.model:
             journal = self.output.with_name(f"{self.output.name}.trials.jsonl")
             pipeline = MotionPipeline.from_pretrained(self.model)
             verdicts = judged_lengths(pipeline, self.trials, journal)
             usual = lengths.train_lengths(train, encoder, recipe)
             best = lengths.best_lengths(verdicts, usual, encoder)
-            train = captions.joined([train, best])
+            train = lengths.joined([train, best])
         if earlier:
-            train = captions.joined([train, lengths.kept_lengths(earlier, encoder)])
+            train = lengths.joined([train, lengths.kept_lengths(earlier, encoder)])
         lengths.train_lengths(train, encoder, recipe).write(self.output)
         model = LengthModel.read(self.output)  # as it was rounded
         print(f"wrote {self.output}: learned from {len(train.sentences):,} sentences")
         tests = {self.captions: test}
         if dataset and any(clip.captions for clip in dataset.clips("test")):
-            tests[dataset.folder] = captions.prepared_caption_lengths(dataset, "test")
+            tests[dataset.folder] = lengths.prepared_caption_lengths(dataset, "test")
         for name, held_out in tests.items():
             accuracy = lengths.measured(model, held_out, encoder, float(np.median(train.seconds)))
             print(

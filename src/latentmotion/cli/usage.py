@@ -20,6 +20,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 import tyro
 from tyro.conf import Positional, UseAppendAction, arg, subcommand
 
+from latentmotion.cli import VERBS
 from latentmotion.errors import InputError, MissingExtraError, hint
 
 events: Any
@@ -199,9 +200,6 @@ class Completion:
 
     def run(self) -> None:
         """Prints the script."""
-        # Not imported above, since the table of commands has this one, too.
-        from latentmotion.cli.main import VERBS
-
         tree: dict[str, Any] = {}
         for name, verb in VERBS.items():
             *groups, last = name.split()

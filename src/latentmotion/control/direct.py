@@ -91,7 +91,7 @@ class Direction:
     """Frames per second."""
     frames: int
     """Length of the motion."""
-    given: tuple[Directed, ...]
+    in_world: tuple[Directed, ...]
     """Goals in the world, as they were given, without the path."""
     curve: Curve | None = None
     """The path, onto which the motion is bent."""
@@ -102,12 +102,12 @@ class Direction:
     def goals(self) -> tuple[Directed, ...]:
         """All goals in the world, those of a path as places of the pelvis."""
         if self.curve is None:
-            return self.given
+            return self.in_world
         passed = [
             (at, self.curve.place(np.array(meters), np.array(0.0)).tolist())
             for at, meters in self.along[1:]
         ]
-        return (*self.given, *(Reach("pelvis", at, (x, None, z)) for at, (x, z) in passed))
+        return (*self.in_world, *(Reach("pelvis", at, (x, None, z)) for at, (x, z) in passed))
 
     def residual(
         self, joints: Float[np.ndarray, "frames joints 3"] | None = None
@@ -119,7 +119,7 @@ class Direction:
                 default it is on the path, at an even speed.
         """
         goals: list[Goal] = []
-        for goal in self.given:
+        for goal in self.in_world:
             if isinstance(goal, Pose):
                 places = goal.reaches(self.skeleton)
                 few = [place for place in places if place.joint.endswith(_ENDS)]
@@ -179,14 +179,14 @@ def generate_directed(
     place, yaw = _start_of(goals, space.skeleton)
     local = [_seen_from(goal, place, yaw) for goal in goals]
     direction = direction_of(local, frames, space.fps, space.skeleton)
-    made = directed(direction, motion, latents_of(generator, request), space.fps)
-    about = {**metadata_of(generator, seed, request.sampling), **made.metadata}
-    made = replace(made, caption=prompt, metadata=about)
+    moved = directed(direction, motion, latents_of(generator, request), space.fps)
+    about = {**metadata_of(generator, seed, request.sampling), **moved.metadata}
+    moved = replace(moved, caption=prompt, metadata=about)
     if local == [*goals]:
-        return made, direction.goals
-    joints = turn(made.joints.astype(np.float64), np.array(yaw)) + place
+        return moved, direction.goals
+    joints = turn(moved.joints.astype(np.float64), np.array(yaw)) + place
     world = tuple(goal for goal in goals if not isinstance(goal, RootPath))
-    return replace(made, joints=joints.astype(np.float32)), world
+    return replace(moved, joints=joints.astype(np.float32)), world
 
 
 def _start_of(goals: Sequence[Goal], skeleton: Skeleton) -> tuple[Float[np.ndarray, " 3"], float]:
@@ -231,19 +231,19 @@ def directed(direction: Direction, motion: DecodedMotion, sample: Sample, fps: f
     """
     residual, skeleton = direction.residual(), direction.skeleton
     correction, steps = Correction(motion, residual, settings=_DURING), count()
-    posed = any(isinstance(goal, Pose) for goal in direction.given)
+    posed = any(isinstance(goal, Pose) for goal in direction.in_world)
     after, turns = _POSED if posed else _AFTER, () if posed else (1,)
     z = sample(motion.frames, lambda z: correction(z) if next(steps) % _EVERY in turns else z)
     z = reach(np.asarray(z, np.float64), motion, residual, settings=after)
     joints = motion.joints(z)
-    if direction.curve is not None and direction.given:
+    if direction.curve is not None and direction.in_world:
         # Now it is known where beside its path the body is when it has other goals.
         z = reach(z, motion, direction.residual(joints), settings=after)
         joints = motion.joints(z)
     if direction.curve is not None:
         joints = bent(joints, direction.curve, fps, skeleton)
-    made = Motion(joints.astype(np.float32), fps, skeleton)
-    return replace(made, metadata=goal_report(direction.goals, made, made))
+    moved = Motion(joints.astype(np.float32), fps, skeleton)
+    return replace(moved, metadata=goal_report(direction.goals, moved, moved))
 
 
 def direction_of(goals: Sequence[Goal], frames: int, fps: float, skeleton: Skeleton) -> Direction:
@@ -254,23 +254,23 @@ def direction_of(goals: Sequence[Goal], frames: int, fps: float, skeleton: Skele
     """
     for goal in goals:
         if not isinstance(goal, Goal):
-            known = "RootPath, Reach, Heading, LookAt or Pose of latentmotion"
-            raise InputError(f"a goal is {goal!r}; expected {known}")
+            expected = "RootPath, Reach, Heading, LookAt or Pose of latentmotion"
+            raise InputError(f"a goal is {goal!r}; expected {expected}")
     paths = [goal for goal in goals if isinstance(goal, RootPath)]
     if len(paths) > 1:
         raise InputError(f"{len(paths)} paths for one motion: join their points to one")
-    given = tuple(goal for goal in goals if not isinstance(goal, RootPath))
-    for goal in given:
+    others = tuple(goal for goal in goals if not isinstance(goal, RootPath))
+    for goal in others:
         span_of(goal, frames, fps)  # raises an error where the motion is too short
     if not paths:
-        direction, start = Direction(skeleton, fps, frames, given), (0.0, 0.0)
+        direction, start = Direction(skeleton, fps, frames, others), (0.0, 0.0)
     else:
         (path,) = paths
         check_path(path, frames, fps)
         curve = Curve.through(path)
         times, meters = straight_points(path, curve, frames, fps)
         along = tuple(zip(times.tolist(), meters.tolist(), strict=True))
-        direction = Direction(skeleton, fps, frames, given, curve, along)
+        direction = Direction(skeleton, fps, frames, others, curve, along)
         start = float(path.points[0][0]), float(path.points[0][1])
         direction.residual()
     targets_of(direction.goals, frames, fps, skeleton, start)

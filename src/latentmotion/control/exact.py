@@ -95,7 +95,7 @@ def held_in_contacts(
         standing: Whether the foot stands, for each frame of the curve.
         blend: Frames in which an offset comes and goes while the foot swings.
     """
-    known, others = dict(offsets), list[tuple[int, int]]()
+    filled, others = dict(offsets), list[tuple[int, int]]()
     step = max(1, int(blend))  # offsets that are farther apart go to zero in between
     for start, end in contact_intervals(standing):
         goals = sorted(frame for frame in offsets if start <= frame < end)
@@ -105,8 +105,8 @@ def held_in_contacts(
         values = np.array([offsets[frame] for frame in goals])
         for frame in (*range(start, end, step), end - 1):
             held = [float(np.interp(frame, goals, axis)) for axis in values.T]
-            known.setdefault(frame, np.array(held))
-    curve = spread(known, len(standing), blend)
+            filled.setdefault(frame, np.array(held))
+    curve = spread(filled, len(standing), blend)
     height = curve[:, 1].copy()
     while others:
         size = np.linalg.norm(curve, axis=-1)
@@ -116,8 +116,8 @@ def held_in_contacts(
             break
         others.remove((start, end))
         for frame in (*range(start, end, step), end - 1):
-            known[frame] = curve[nearest]
-        curve = spread(known, len(standing), blend)
+            filled[frame] = curve[nearest]
+        curve = spread(filled, len(standing), blend)
     curve[:, 1] = height
     return curve
 
@@ -145,10 +145,10 @@ def inertialized(
     root = piece[:, :1].astype(np.float64)
     bones = unit(piece[:, 1:].astype(np.float64) - piece[:, parents])
     lengths = []
-    for known, backwards in ((before, False), (after, True)):
-        if not len(known):
+    for beside, backwards in ((before, False), (after, True)):
+        if not len(beside):
             continue
-        near = (known if backwards else known[::-1])[:3].astype(np.float64)
+        near = (beside if backwards else beside[::-1])[:3].astype(np.float64)
         around = near[:, 1:] - near[:, parents]
         lengths.append(np.linalg.norm(around[0], axis=-1, keepdims=True))
         flip = slice(None, None, -1) if backwards else slice(None)
@@ -289,8 +289,8 @@ class _Limbs:
         ):
             # Goals of other frames are met already: their offsets are 0 and hold what is there.
             gap, hand = gaps[point] if frame in self.poses else np.zeros(3), self.hands.get(joint)
-            for one in (joint,) if hand is None else (hand.elbow, hand.wrist):
-                offsets.setdefault(one, {}).setdefault(frame, gap)
+            for moving in (joint,) if hand is None else (hand.elbow, hand.wrist):
+                offsets.setdefault(moving, {}).setdefault(frame, gap)
         offsets = {joint: each for joint, each in offsets.items() if set(each) & self.poses}
         blend = BLEND * self.fps
         for joint, each in offsets.items():
@@ -345,8 +345,8 @@ class _Limbs:
             return None
         blend = BLEND * self.fps
         if standing is None:
-            kept = {frame: np.zeros(3) for frame in others_at - set(offsets)}
-            return spread(kept | offsets, len(carried), blend)
+            unmoved = {frame: np.zeros(3) for frame in others_at - set(offsets)}
+            return spread(unmoved | offsets, len(carried), blend)
         return held_in_contacts(offsets, standing, blend)
 
     def _bend(

@@ -331,7 +331,7 @@ def fit_latents(
 
 def fit_features(
     motion: DecodedMotion,
-    wanted: Float[np.ndarray, "frames features"],
+    target: Float[np.ndarray, "frames features"],
     weights: Float[np.ndarray, "frames features"],
     prior: float,
     iterations: int,
@@ -340,24 +340,24 @@ def fit_features(
 
     Args:
         motion: As long as the features.
-        wanted: The features, in their own units; all of them, or the first ones.
+        target: The features, in their own units; all of them, or the first ones.
         weights: How much each of them counts.
         prior: How much a latent counts that is not 0, beside a normalized feature.
         iterations: Steps at most.
     """
-    wanted, count = np.asarray(wanted, np.float64), wanted.shape[1]
+    target, count = np.asarray(target, np.float64), target.shape[1]
     std = np.broadcast_to(motion.features.std, motion.representation.width)[:count]
-    weight, prior = weights / (std * std * wanted.size), prior / wanted.size
+    weight, prior = weights / (std * std * target.size), prior / target.size
     width = latent_width(motion)
 
     def loss(z: Float[np.ndarray, " numbers"]) -> tuple[float, Float[np.ndarray, " numbers"]]:
         latents = z.reshape(-1, width)
-        gap = motion.decode(latents)[:, :count] - wanted
+        gap = motion.decode(latents)[:, :count] - target
         slope = motion.features_pullback(latents, (gap * weight)[None])
         value = float((gap * gap * weight).sum() + prior * (z @ z))
         return 0.5 * value, slope.astype(np.float64).ravel() + prior * z
 
-    tokens = -(-len(wanted) // 4)
+    tokens = -(-len(target) // 4)
     return lbfgs(loss, np.zeros(tokens * width), iterations).reshape(tokens, width)
 
 

@@ -19,9 +19,10 @@ from safetensors import SafetensorError, safe_open
 
 from latentmotion.data.clip import SPLITS, Clip, Source
 from latentmotion.data.pack_file import unpacked
-from latentmotion.data.store import MANIFEST, Manifest, StoredClip, read_manifest
+from latentmotion.data.store import MANIFEST, DatasetManifest, StoredClip, read_manifest
 from latentmotion.errors import DataError, InputError
-from latentmotion.representation.interface import Normalizer, Representation, representation_named
+from latentmotion.representation import representation_named
+from latentmotion.representation.interface import Normalizer, Representation
 from latentmotion.storage.files import sha256
 
 
@@ -31,7 +32,7 @@ class Dataset:
 
     folder: Path
     """The prepared folder."""
-    manifest: Manifest
+    manifest: DatasetManifest
     """Its manifest."""
     representation: Representation
     """Representation of its features."""

@@ -12,7 +12,7 @@ import numpy as np
 from latentmotion.data.clip import SPLITS
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.recording import files_below
-from latentmotion.data.report import Report, parts_of
+from latentmotion.data.report import PreparationReport, parts_of
 from latentmotion.data.sources import humanml3d
 from latentmotion.data.sources.cmu import CMU, find_trials, rows_by_trial
 from latentmotion.data.sources.hdm05 import find_clips
@@ -89,7 +89,7 @@ def _prepared(dataset: Dataset) -> Iterator[str]:
             if not np.isfinite(dataset.features(clip)).all():
                 raise DataError(f"{folder}: clip {clip.id} is not finite; prepare it again")
     yield f"prepared data set: {manifest.representation}, {manifest.fps:g} fps, every hash right"
-    yield Report(parts_of(manifest), (), None).table()
+    yield PreparationReport(parts_of(manifest), (), None).table()
     yield f"normalizer: {manifest.normalizer.origin}"
     if counts := Counter(clip.action for clip in manifest.clips if clip.action):
         actions = ", ".join(f"{action} {count}" for action, count in sorted(counts.items()))

@@ -23,12 +23,19 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.data.pack_coding import MotionCoder
-from latentmotion.data.report import REPORT, Report
+from latentmotion.data.report import REPORT, PreparationReport
 from latentmotion.data.store import FORMAT as DATASET_FORMAT
-from latentmotion.data.store import MANIFEST, Manifest, StoredClip, StoredMotion, write_dataset
+from latentmotion.data.store import (
+    MANIFEST,
+    DatasetManifest,
+    StoredClip,
+    StoredMotion,
+    write_dataset,
+)
 from latentmotion.errors import DataError, FileFormatError, InputError, unreadable
+from latentmotion.representation import representation_named
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
-from latentmotion.representation.interface import Normalizer, representation_named
+from latentmotion.representation.interface import Normalizer
 from latentmotion.storage import files
 from latentmotion.storage.configuration import from_json, to_json, write_json
 
@@ -53,9 +60,9 @@ class PackHeader:
     """Step of positions, meters."""
     turn_quantum: float
     """Step of the heading, radians."""
-    manifest: Manifest
+    manifest: DatasetManifest
     """That of the prepared folder: sources and their terms, normalizer, clips, captions."""
-    report: Report | None
+    report: PreparationReport | None
     """The report of its preparation."""
     blocks: tuple[int, ...]
     """Bytes of each shard's motions in this file."""
@@ -181,7 +188,7 @@ QUANTA = 1e-6, 0.01
 """Least and greatest step of positions and heading that a pack may have."""
 
 
-def unpack(path: Path, folder: Path) -> Manifest:
+def unpack(path: Path, folder: Path) -> DatasetManifest:
     """Writes the prepared folder that a pack holds.
 
     Raises:
@@ -249,7 +256,7 @@ def packable(name: str) -> HumanML3DRepresentation:
     return representation
 
 
-def clips_by_shard(manifest: Manifest) -> Iterator[list[StoredClip]]:
+def clips_by_shard(manifest: DatasetManifest) -> Iterator[list[StoredClip]]:
     """Yields the clips of each shard, which are one block of a pack."""
     for shard in range(len(manifest.shards)):
         yield [clip for clip in manifest.clips if clip.shard == shard]

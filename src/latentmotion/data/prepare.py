@@ -11,9 +11,16 @@ from latentmotion.data.clip import Source, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.quality import find_glitch
 from latentmotion.data.recording import Dropped, EncodedRecording, Recording
-from latentmotion.data.report import README, REPORT, Report, parts_of, read_report, readme
+from latentmotion.data.report import (
+    README,
+    REPORT,
+    PreparationReport,
+    parts_of,
+    read_report,
+    readme,
+)
 from latentmotion.data.store import (
-    Manifest,
+    DatasetManifest,
     StoredClip,
     StoredMotion,
     StoredNormalizer,
@@ -108,7 +115,7 @@ class Preparation:
         sources: tuple[Source, ...],
         normalizer: StoredNormalizer | None = None,
         notes: tuple[str, ...] = (),
-    ) -> Report:
+    ) -> PreparationReport:
         """Writes the folder and its report.
 
         Args:
@@ -143,11 +150,11 @@ class Preparation:
                 fitted, f"{len(train)} train clips and their mirror images"
             )
 
-        def report_of(manifest: Manifest) -> Report:
+        def report_of(manifest: DatasetManifest) -> PreparationReport:
             dropped = tuple(self.dropped)
-            return Report(parts_of(manifest), dropped, self.round_trip_mm, notes)
+            return PreparationReport(parts_of(manifest), dropped, self.round_trip_mm, notes)
 
-        def describe(place: Path, manifest: Manifest) -> None:
+        def describe(place: Path, manifest: DatasetManifest) -> None:
             report, title = report_of(manifest), Path(folder).resolve().name
             write_json(place / REPORT, report)
             (place / README).write_text(readme(manifest, report.parts, title), encoding="utf-8")
@@ -161,7 +168,7 @@ def _named(ids: Sequence[str]) -> str:
     return ", ".join(ids[:3]) + (f" and {len(ids) - 3} more" if len(ids) > 3 else "")
 
 
-def merge(folders: Sequence[str | Path], out: str | Path) -> Report:
+def merge(folders: Sequence[str | Path], out: str | Path) -> PreparationReport:
     """Joins prepared folders into one, with one normalizer for all.
 
     Raises:

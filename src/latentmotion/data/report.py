@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from latentmotion.data.recording import Dropped
-from latentmotion.data.store import Manifest, StoredClip
+from latentmotion.data.store import DatasetManifest, StoredClip
 from latentmotion.storage.configuration import read_json
 from latentmotion.storage.provenance import PIPELINE, front_matter, license_fields
 
@@ -41,9 +42,11 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Report:
+class PreparationReport:
     """Result of preparing a data set: clips, captions, hours, and what was dropped and why."""
 
+    KIND: ClassVar[str] = "Report"
+    """Its name in files."""
     parts: tuple[Part, ...]
     """Figures by source and split."""
     dropped: tuple[Dropped, ...]
@@ -73,7 +76,7 @@ class Report:
         return "\n".join([head, *(part.row() for part in (*self.parts, total))])
 
 
-def parts_of(manifest: Manifest) -> tuple[Part, ...]:
+def parts_of(manifest: DatasetManifest) -> tuple[Part, ...]:
     """Counts clips, captions and hours of a prepared folder by source and split."""
     groups: dict[tuple[str, str], list[StoredClip]] = {}
     for clip in manifest.clips:
@@ -88,17 +91,17 @@ def parts_of(manifest: Manifest) -> tuple[Part, ...]:
     return tuple(parts)
 
 
-def read_report(folder: Path) -> Report | None:
+def read_report(folder: Path) -> PreparationReport | None:
     """Returns the report in a prepared folder, or None if it has none.
 
     Raises:
         InputError: It is damaged.
     """
     path = folder / REPORT
-    return read_json(Report, path) if path.is_file() else None
+    return read_json(PreparationReport, path) if path.is_file() else None
 
 
-def readme(manifest: Manifest, parts: tuple[Part, ...], title: str) -> str:
+def readme(manifest: DatasetManifest, parts: tuple[Part, ...], title: str) -> str:
     """Returns the folder's page on the Hugging Face Hub, with the YAML that the hub reads.
 
     Args:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -122,9 +123,11 @@ class StoredNormalizer:
 
 
 @dataclass(frozen=True)
-class Manifest:
+class DatasetManifest:
     """All of a prepared folder but the features themselves."""
 
+    KIND: ClassVar[str] = "Manifest"
+    """Its name in files."""
     format: str
     """Name and version of the format."""
     representation: str
@@ -151,7 +154,7 @@ class StoredMotion:
     """Features, not normalized."""
 
 
-def read_manifest(folder: str | Path) -> Manifest:
+def read_manifest(folder: str | Path) -> DatasetManifest:
     """Reads the manifest of a prepared folder.
 
     Raises:
@@ -165,7 +168,7 @@ def read_manifest(folder: str | Path) -> Manifest:
             "make one with `latentmotion data prepare`"
         )
     try:
-        manifest = read_json(Manifest, path)
+        manifest = read_json(DatasetManifest, path)
     except InputError as error:
         raise DataError(f"{error}; prepare the folder again") from error
     if manifest.format != FORMAT:
@@ -199,8 +202,8 @@ def write_dataset(
     sources: tuple[Source, ...],
     representation: Representation,
     normalizer: StoredNormalizer,
-    describe: Callable[[Path, Manifest], object] = lambda *_: None,
-) -> Manifest:
+    describe: Callable[[Path, DatasetManifest], object] = lambda *_: None,
+) -> DatasetManifest:
     """Writes a prepared folder in place of what was there.
 
     Args:
@@ -240,7 +243,7 @@ def write_dataset(
             for motion in group:
                 clips.append(replace(motion.clip, shard=number, offset=offset))
                 offset += motion.clip.frames
-        manifest = Manifest(
+        manifest = DatasetManifest(
             format=FORMAT,
             representation=representation.name,
             fps=representation.fps,

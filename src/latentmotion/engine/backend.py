@@ -29,12 +29,8 @@ from latentmotion.engine.session import (
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import Sampling
-from latentmotion.representation.interface import (
-    Normalizer,
-    Representation,
-    Scale,
-    representation_named,
-)
+from latentmotion.representation import representation_named
+from latentmotion.representation.interface import Normalizer, Representation, Scale
 from latentmotion.representation.smpl import SmplRepresentation
 
 

@@ -24,23 +24,7 @@ from latentmotion.condition import TASKS, TaskName
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.candidates import Candidate, Generated, Motions
-from latentmotion.evaluation.embedding_scores import (
-    EmbeddingCache,
-    Embeddings,
-    Scores,
-    caption_multimodality,
-    embedding_cache,
-    embedding_scores,
-    ground_truth_scores,
-    measures_multimodality,
-    reads_text,
-)
 from latentmotion.evaluation.evaluators.interface import Evaluator
-from latentmotion.evaluation.position_scores import (
-    PositionScores,
-    lacks_smpl_joints,
-    notes_on_joints,
-)
 from latentmotion.evaluation.protocol import (
     CLEAN,
     HELD,
@@ -50,12 +34,26 @@ from latentmotion.evaluation.protocol import (
     TestSet,
 )
 from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report, provenance_of
+from latentmotion.evaluation.scores import (
+    EmbeddingCache,
+    Embeddings,
+    PositionScores,
+    Scores,
+    caption_multimodality,
+    embedding_cache,
+    embedding_scores,
+    ground_truth_scores,
+    lacks_smpl_joints,
+    measures_multimodality,
+    notes_on_joints,
+    reads_text,
+)
 from latentmotion.plugins import plugins
 from latentmotion.progress import counted
 from latentmotion.storage.address import Folder
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.reading import parse_json
-from latentmotion.storage.shards import Manifest, Run, ShardContent, Work
+from latentmotion.storage.shards import ShardContent, ShardedRun, ShardManifest, Work
 
 
 def evaluate(
@@ -238,9 +236,9 @@ class Comparison:
             f"replication-{number:05d}.json": partial(shard, number)
             for number in range(self.protocol.replications)
         }
-        return Work(Run(settings, len(tasks), tuple(tasks)), tasks)
+        return Work(ShardedRun(settings, len(tasks), tuple(tasks)), tasks)
 
-    def report_of(self, folder: Folder, manifest: Manifest) -> Report:
+    def report_of(self, folder: Folder, manifest: ShardManifest) -> Report:
         """Returns the report of finished shards.
 
         Raises:

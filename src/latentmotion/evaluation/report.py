@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from math import sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,8 +20,8 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.evaluation.candidates import Candidate, Generated
 from latentmotion.evaluation.cost import Cost
 from latentmotion.evaluation.evaluators.interface import Evaluator
-from latentmotion.evaluation.position_scores import body_of
 from latentmotion.evaluation.protocol import Protocol
+from latentmotion.evaluation.scores import body_of
 from latentmotion.model.card import ModelCard
 from latentmotion.networks.device import describe_machine
 from latentmotion.storage.configuration import to_json
@@ -95,9 +95,11 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Provenance:
+class ReportProvenance:
     """Data, models, evaluator and versions behind a report."""
 
+    KIND: ClassVar[str] = "Provenance"
+    """Its name in files."""
     data: str
     """The prepared folder."""
     data_hash: str
@@ -128,7 +130,7 @@ class Report:
     """Motions of a replication, by row."""
     protocol: Protocol
     """Rules of the evaluation."""
-    provenance: Provenance
+    provenance: ReportProvenance
     """Data, models, evaluator and versions."""
     notes: tuple[str, ...] = ()
     """Limits that a reader must know to compare the figures."""
@@ -237,7 +239,7 @@ _WEIGHTS = ("*.safetensors", "*.onnx", "tokenizer.json")
 
 def provenance_of(
     candidates: Sequence[Candidate], dataset: Dataset, evaluator: Evaluator | None
-) -> Provenance:
+) -> ReportProvenance:
     """Returns the provenance of a report."""
     sampling = dict.fromkeys((candidate.row for candidate in candidates), "")
     for candidate in candidates:
@@ -247,7 +249,7 @@ def provenance_of(
                 f", {used.sampler} {used.steps} steps, guidance {used.guidance:g}"
             )
     packages = {name: version(name) for name in ("latentmotion", "numpy", "scipy", "torch")}
-    return Provenance(
+    return ReportProvenance(
         data=dataset.folder.name,
         data_hash=dataset.fingerprint,
         weights={candidate.row: candidate.weights for candidate in candidates},

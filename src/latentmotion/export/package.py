@@ -37,8 +37,7 @@ from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.session import PULLBACK_FILE, fused_sampler_file, open_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export import onnx as graphs
-from latentmotion.export.graph_weights import Weights, quantize, share_weights
-from latentmotion.export.onnx import trace
+from latentmotion.export.onnx import Weights, quantize, share_weights, trace
 from latentmotion.model import card as cards
 from latentmotion.model.card import (
     RIGHTS_IN_MOTIONS,

@@ -33,8 +33,7 @@ from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import representation_of
 from latentmotion.engine.session import fused_sampler_file, open_session
 from latentmotion.errors import ModelError
-from latentmotion.export.graph_weights import Weights, scaled_rows
-from latentmotion.export.onnx import anonymous, trace
+from latentmotion.export.onnx import Weights, anonymous, scaled_rows, trace
 from latentmotion.model import card as cards
 from latentmotion.model.card import RIGHTS_IN_MOTIONS
 from latentmotion.pipeline import MotionPipeline

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 ENDINGS: Mapping[str, str] = MappingProxyType(
     {
         ".npz": "latentmotion.formats.npz:write",
-        ".amass.npz": "latentmotion.formats.smpl_npz:write_amass",
-        ".smplx.npz": "latentmotion.formats.smpl_npz:write_smplx",
-        ".smpl.npz": "latentmotion.formats.smpl_npz:write_smpl",
+        ".amass.npz": "latentmotion.formats.smpl:write_amass",
+        ".smplx.npz": "latentmotion.formats.smpl:write_smplx",
+        ".smpl.npz": "latentmotion.formats.smpl:write_smpl",
         ".csv": "latentmotion.formats.tables:write",
         ".contacts.csv": "latentmotion.formats.tables:write_events",
         ".contacts.json": "latentmotion.formats.tables:write_events",
@@ -57,7 +57,7 @@ READABLE: Mapping[str, str] = MappingProxyType(
         ".vrma": "latentmotion.formats.gltf_reader:read_takes",
         ".fbx": "latentmotion.formats.fbx:read_takes",
         ".amc": "latentmotion.formats.takes:read_amc_file",
-        **dict.fromkeys((".pkl", ".pt"), "latentmotion.formats.smpl_results:read"),
+        **dict.fromkeys((".pkl", ".pt"), "latentmotion.formats.smpl:read"),
         **dict.fromkeys(
             (".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd_reader:read_takes"
         ),

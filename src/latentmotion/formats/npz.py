@@ -68,13 +68,13 @@ def read(path: str | Path) -> list[SkeletonTake] | list[Motion]:
     Raises:
         FileFormatError: The file is damaged, or holds something else.
     """
-    from latentmotion.formats import smpl_npz, smpl_results
+    from latentmotion.formats import smpl
 
     names = names_in(path)
     if "results" in names:  # ROMP's
-        return smpl_results.read(path)
-    if smpl_npz.is_smpl(names):
-        return [smpl_npz.read_arrays(path, read_arrays(path, smpl_npz.KEYS))]
+        return smpl.read(path)
+    if smpl.is_smpl(names):
+        return [smpl.read_arrays(path, read_arrays(path, smpl.KEYS))]
     return read_motions(path)
 
 
@@ -124,13 +124,13 @@ def read_joints(path: str | Path) -> list[SkeletonTake] | list[Motion]:
     Raises:
         FileFormatError: The file is damaged, or holds something else.
     """
-    from latentmotion.formats import smpl_npz, smpl_results
+    from latentmotion.formats import smpl
 
     if holds_objects(path):
-        return smpl_results.read(path)
+        return smpl.read(path)
     joints = read_array(path)
-    if joints.shape[1:] == (smpl_npz.MOTIONX_NUMBERS,) and joints.dtype.kind in "fiu":
-        return [smpl_npz.motionx_take(path, joints)]
+    if joints.shape[1:] == (smpl.MOTIONX_NUMBERS,) and joints.dtype.kind in "fiu":
+        return [smpl.motionx_take(path, joints)]
     try:
         skeleton = _KNOWN[joints.shape[1]]
         # Bare joints do not say their rate: these are the data sets' own.

@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
+from latentmotion.language.claims import data, kinds
 from latentmotion.language.inflection import forms, third_person
-from latentmotion.language.kinds import data, kinds
 from latentmotion.language.words import (
     STOPS,
     Token,

@@ -1,12 +1,20 @@
-"""Claims of a sentence: acts that it asks for or tells of, and what a prompt asks in all.
+"""Claims: acts that a sentence asks for or tells of, and what a prompt asks in all.
 
-Left and right in a sentence, which a mirrored motion swaps.
+Kinds of acts, and what is known of each, are the table that measuring, language and captions share.
+It is data (`acts.toml`, `[kinds]`), so that whether a jump can be counted is said in one place. No
+sentence is read here. A mirrored motion swaps left and right in its sentences.
 """
 
 from __future__ import annotations
 
 import re
+import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from types import MappingProxyType
+from typing import Any
 
 LEFT, RIGHT, BOTH = "left", "right", "both"
 
@@ -69,3 +77,34 @@ def both_sides(sentence: str) -> list[str]:
     """Returns a sentence, and its mirror image if it names a side."""
     mirrored = mirror_words(sentence)
     return [sentence] if mirrored == sentence else [sentence, mirrored]
+
+
+@cache
+def kinds(trait: str) -> tuple[str, ...]:
+    """Returns the kinds with a trait."""
+    return tuple(
+        kind for kind, row in data("acts.toml")["kinds"].items() if trait in row["traits"].split()
+    )
+
+
+@cache
+def related(relation: str) -> Mapping[str, tuple[str, ...]]:
+    """Returns the kinds that kinds are related to: `similar`, `shown_by` or `looks_like`."""
+    table = {
+        kind: row[relation] for kind, row in data("acts.toml")["kinds"].items() if relation in row
+    }
+    return MappingProxyType({kind: tuple(others.split()) for kind, others in table.items()})
+
+
+@cache
+def limits(name: str) -> Mapping[str, float]:
+    """Returns a limit of kinds: `rise` or `plain`."""
+    return MappingProxyType(
+        {kind: row[name] for kind, row in data("acts.toml")["kinds"].items() if name in row}
+    )
+
+
+@cache
+def data(name: str) -> dict[str, Any]:
+    """Returns a table, by the name of its file."""
+    return tomllib.loads(files("latentmotion.language").joinpath(name).read_text(encoding="utf-8"))

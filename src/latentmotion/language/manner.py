@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from latentmotion.language.acts import Mention
-from latentmotion.language.claims import BOTH, LEFT, RIGHT, SLIGHT
-from latentmotion.language.kinds import data, kinds
+from latentmotion.language.claims import BOTH, LEFT, RIGHT, SLIGHT, data, kinds
 from latentmotion.language.words import ANGLES, STOPS, Token, is_plural, listed, match
 
 _WITHOUT_LIMB = (*kinds("lasting"), "turn", "circle")

@@ -24,8 +24,7 @@ from latentmotion.language.acts import (
     last_boundary,
     mentions,
 )
-from latentmotion.language.claims import SLIGHT, Claim, Request
-from latentmotion.language.kinds import data, kinds, related
+from latentmotion.language.claims import SLIGHT, Claim, Request, data, kinds, related
 from latentmotion.language.manner import (
     count_of,
     degrees_and_side,

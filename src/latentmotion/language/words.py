@@ -11,9 +11,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from latentmotion.language.claims import LEFT, RIGHT
+from latentmotion.language.claims import LEFT, RIGHT, data
 from latentmotion.language.inflection import forms
-from latentmotion.language.kinds import data
 
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+|[°.,;:!?]|(?<=\d)\s?[-–](?=\s?\d)")
 _WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")
@@ -85,14 +84,14 @@ def uncounted(sentence: str) -> str:
     """Returns a sentence without counts: "six slow calf raises" becomes "slow calf raises"."""
     tokens = tokens_of(sentence)
     other, repetition = listed("not_counted") | listed("units"), listed("repetition")
-    kept, counts = "", False
+    text, counts = "", False
     for number, token in enumerate(tokens):
         after = tokens[number + 1].text if number + 1 < len(tokens) else ""
         times = counts and token.text in repetition
         counts = token.number > 0 and token.number not in ANGLES and after not in other
         if not counts and not times:
-            kept += f" {sentence[token.start : token.end]}"
-    return kept.strip() or sentence
+            text += f" {sentence[token.start : token.end]}"
+    return text.strip() or sentence
 
 
 def tokens_of(sentence: str) -> list[Token]:

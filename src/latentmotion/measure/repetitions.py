@@ -9,8 +9,8 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.language.kinds import limits
-from latentmotion.measure import arms, legs, whole_body
+from latentmotion.language.claims import limits
+from latentmotion.measure import limbs, whole_body
 from latentmotion.measure.facts import BOTH, SIDES, Event
 from latentmotion.measure.signals import Signals, measure, peaks, smooth
 
@@ -76,8 +76,8 @@ def repetitions(
 
 
 def _airborne(signals: Signals) -> list[Event]:
-    flights = legs.flights_of(signals)
-    return legs.jumps_of(signals, flights, legs.running_of(flights, signals))
+    flights = limbs.flights_of(signals)
+    return limbs.jumps_of(signals, flights, limbs.running_of(flights, signals))
 
 
 def _dips(signals: Signals) -> tuple[list[Event], tuple[Event, ...]]:
@@ -100,11 +100,11 @@ COUNTED: Mapping[str, Callable[[Signals], list[Event]]] = MappingProxyType(
     {
         "jump": lambda signals: jumps(_airborne(signals)),
         "hop": lambda signals: [event for event in _airborne(signals) if event.kind == "hop"],
-        "kick": legs.kicks_of,
-        "knee": lambda signals: legs.knees_of(signals, legs.kicks_of(signals)),
-        "step": lambda signals: [Event("step", *frames) for frames in legs.strides_of(signals)],
-        "punch": arms.punches_of,
-        "raise": arms.raises_of,
+        "kick": limbs.kicks_of,
+        "knee": lambda signals: limbs.knees_of(signals, limbs.kicks_of(signals)),
+        "step": lambda signals: [Event("step", *frames) for frames in limbs.strides_of(signals)],
+        "punch": limbs.punches_of,
+        "raise": limbs.raises_of,
         "squat": lambda signals: [event for event in _dips(signals)[0] if event.kind == "squat"],
         "bow": lambda signals: bends(*_dips(signals)),
         "jack": lambda signals: [

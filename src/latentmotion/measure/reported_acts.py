@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from latentmotion.language.kinds import kinds
+from latentmotion.language.claims import kinds
 from latentmotion.measure.facts import BOTH, FPS, Description, Event, joined_moves
 
 STILL = 0.12

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.language.kinds import kinds
-from latentmotion.measure import arms, legs, whole_body
+from latentmotion.language.claims import kinds
+from latentmotion.measure import limbs, whole_body
 from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, FloorPath, among
 from latentmotion.measure.reported_acts import acts_of
 from latentmotion.measure.signals import Signals, activity_of, measure, twist_of
@@ -103,22 +103,22 @@ class Measured(Description):
     @cached_property
     def moves(self) -> tuple[Event, ...]:
         """Gaits and pauses, one after another without gaps."""
-        return whole_body.moves_of(self.signals, self.running, legs.treading_of(self.signals))
+        return whole_body.moves_of(self.signals, self.running, limbs.treading_of(self.signals))
 
     @cached_property
     def running(self) -> Float[np.ndarray, " frames"]:
         """Share of running around each frame."""
-        return legs.running_of(self.flights, self.signals)
+        return limbs.running_of(self.flights, self.signals)
 
     @cached_property
     def jumps(self) -> list[Event]:
         """Jumps, hops and leaps."""
-        return legs.jumps_of(self.signals, self.flights, self.running)
+        return limbs.jumps_of(self.signals, self.flights, self.running)
 
     @cached_property
     def knees(self) -> list[Event]:
         """Raised knees that are no kicks."""
-        return legs.knees_of(self.signals, self.kicks)
+        return limbs.knees_of(self.signals, self.kicks)
 
     @cached_property
     def changes(self) -> list[Event]:
@@ -132,16 +132,16 @@ class Measured(Description):
 
     turns = _of_signals(whole_body.turns_of)
     postures = _of_signals(whole_body.postures_of)
-    flights = _of_signals(legs.flights_of)
-    kicks = _of_signals(legs.kicks_of)
-    balances = _of_signals(legs.balances_of)
-    climbs = _of_signals(legs.climbs_of)
-    raises = _of_signals(arms.raises_of)
-    waves = _of_signals(arms.waves_of)
-    punches = _of_signals(arms.punches_of)
-    arm_circles = _of_signals(arms.arm_circles_of)
-    claps = _of_signals(arms.claps_of)
-    steps = _of_signals(legs.steps_of)
+    flights = _of_signals(limbs.flights_of)
+    kicks = _of_signals(limbs.kicks_of)
+    balances = _of_signals(limbs.balances_of)
+    climbs = _of_signals(limbs.climbs_of)
+    raises = _of_signals(limbs.raises_of)
+    waves = _of_signals(limbs.waves_of)
+    punches = _of_signals(limbs.punches_of)
+    arm_circles = _of_signals(limbs.arm_circles_of)
+    claps = _of_signals(limbs.claps_of)
+    steps = _of_signals(limbs.steps_of)
     twist = _of_signals(twist_of)
     activity = _of_signals(activity_of)
     poses = _of_signals(whole_body.poses_of)

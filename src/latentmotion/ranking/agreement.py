@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from latentmotion.language.claims import SLIGHT, Claim
-from latentmotion.language.kinds import kinds, related
+from latentmotion.language.claims import SLIGHT, Claim, kinds, related
 from latentmotion.language.reading import claims_of
 from latentmotion.measure.facts import BOTH, LEFT, RIGHT, Description, Event
 from latentmotion.measure.whole_body import FAST, SLOW

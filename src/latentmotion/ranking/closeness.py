@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from latentmotion.language.claims import SLIGHT, Claim, Request
-from latentmotion.language.kinds import kinds, limits, related
+from latentmotion.language.claims import SLIGHT, Claim, Request, kinds, limits, related
 from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, Event
 from latentmotion.measure.scene import Measured, lasting, meters
 from latentmotion.measure.signals import peaks

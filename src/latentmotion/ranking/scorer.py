@@ -23,7 +23,8 @@ from latentmotion.engine.session import LazySession
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import SHIPPED, Provenance, shipped_text_encoder
 from latentmotion.motion import Motion
-from latentmotion.representation.interface import Representation, representation_named
+from latentmotion.representation import representation_named
+from latentmotion.representation.interface import Representation
 from latentmotion.storage.configuration import read_json
 from latentmotion.text.encoder import LazyTextEncoder
 

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace, device
-from latentmotion.errors import InputError, hint
+from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation import canonical
 
@@ -101,28 +101,6 @@ class Representation(ABC):
             raise InputError(f"{frames} frames; velocities need at least 2")
         if not bool(xp.all(xp.isfinite(joints))):
             raise InputError("joints that are not finite; drop or repair these frames first")
-
-
-def representation_named(name: str) -> Representation:
-    """Returns one of the representations that files and model cards name.
-
-    Raises:
-        InputError: There is none of that name.
-    """
-    from latentmotion.representation.humanml3d import (
-        HANDS_FEATURES,
-        HUMANML3D_FEATURES,
-        KIT_FEATURES,
-    )
-    from latentmotion.representation.smpl import SMPL_FEATURES
-
-    representations = {
-        each.name: each
-        for each in (HUMANML3D_FEATURES, HANDS_FEATURES, KIT_FEATURES, SMPL_FEATURES)
-    }
-    if name in representations:
-        return representations[name]
-    raise InputError(f"unknown representation {name!r}; {hint(name, representations)}")
 
 
 # Greatest factor by which the median scale, and any block's, may differ from 1 when normalized.

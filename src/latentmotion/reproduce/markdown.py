@@ -18,7 +18,7 @@ from pathlib import Path
 from latentmotion.errors import InputError, unreadable
 from latentmotion.evaluation.report import UNITS as REPORT_UNITS
 from latentmotion.evaluation.report import table_line
-from latentmotion.reproduce.models import MODELS
+from latentmotion.reproduce.budget import MODELS
 from latentmotion.reproduce.table import TABLES, Row, Table
 from latentmotion.storage.files import atomic_file
 

@@ -31,8 +31,7 @@ from latentmotion.progress import counted
 from latentmotion.reproduce.markdown import RowResult, TableResult, markdown
 from latentmotion.reproduce.plots import draw_figure, draw_latents
 from latentmotion.reproduce.table import Row, Table
-from latentmotion.reproduce.training_cost import training_cost
-from latentmotion.reproduce.workspace import Workspace, vae_cost
+from latentmotion.reproduce.workspace import Workspace, training_cost, vae_cost
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import atomic_file, sha256
 from latentmotion.training.denoiser import frames_card

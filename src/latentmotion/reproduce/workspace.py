@@ -8,6 +8,11 @@ A finished stage is used as it is if it was trained with the same data and setti
 one resumes.
 
 Times are CPU time, which other work on the machine affects less than wall-clock time.
+
+Cost of training: floating-point operations and crops of both stages of a row.
+
+FLOPs are those of one step, forward and backward, times the steps. Every crop counts as the longest
+one; the loss, the optimizer and the latents that stage 2 reads are left out.
 """
 
 from __future__ import annotations
@@ -18,25 +23,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
+from typing import Literal
 
 import torch
 from safetensors.torch import load_file
 
-from latentmotion.condition import TASKS, TextEncoder
+from latentmotion.condition import TASKS, Conditioning, TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
-from latentmotion.evaluation.cost import parameters
+from latentmotion.evaluation.cost import flops, parameters
 from latentmotion.evaluation.report import Figure
 from latentmotion.model.card import CARD_FILE, find_model
-from latentmotion.networks.checkpoint import load_model, load_weights, save_model
+from latentmotion.networks.checkpoint import build, load_model, load_weights, save_model
 from latentmotion.networks.vae.interface import MotionVAE
-from latentmotion.reproduce.budget import Budget
-from latentmotion.reproduce.models import FIRST_STAGE, MODELS, Model
-from latentmotion.reproduce.training_cost import equal_steps
+from latentmotion.reproduce.budget import FIRST_STAGE, MODELS, Budget, Model
 from latentmotion.storage.configuration import to_json
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import Experiment, differing_keys
-from latentmotion.training.loop import kept_weights
+from latentmotion.training.loop import kept_weights, read_progress
 from latentmotion.training.run_folder import MODEL, Run, read_run
 from latentmotion.training.stages import train_denoiser, train_vae
 from latentmotion.training.task_conditions import task_conditioning, with_condition_width
@@ -256,3 +260,78 @@ def _seconds(action: Callable[[], object]) -> float:
         action()
         times.append(time.process_time() - start)
     return median(times[TIMED // 2 :])
+
+
+Quantity = Literal["FLOPs", "crops"]
+"""What training is counted in."""
+
+Step = Callable[[Experiment], tuple[int, int, Callable[[], object]]]
+"""An experiment to the crops of a stage's step, its planned steps, and a step's forward and
+backward."""
+
+
+def training_cost(vae: Path | None, denoiser: Path) -> dict[str, Figure]:
+    """Returns the FLOPs of training, 10¹², and the crops that were seen, 10³.
+
+    Args:
+        vae: Run folder of the first stage; None for diffusion on raw frames.
+        denoiser: Run folder of the second stage.
+
+    Raises:
+        InputError: A folder holds no run.
+    """
+    stages = [_run_cost(denoiser, denoiser_step)] + ([_run_cost(vae, vae_step)] if vae else [])
+    total = {quantity: sum(cost[quantity] for cost in stages) for quantity in stages[0]}
+    return {"Training": Figure(total["FLOPs"] / 1e12), "Crops": Figure(total["crops"] / 1e3)}
+
+
+def equal_steps(quantity: Quantity, vae: Path, planned: Experiment, other: Experiment) -> int:
+    """Returns the steps in which a denoiser has as much training as both stages of a model.
+
+    Args:
+        quantity: What is to be equal.
+        vae: Run folder of the model's first stage.
+        planned: Second stage of the model.
+        other: The denoiser to train.
+
+    Raises:
+        InputError: The folder holds no run.
+    """
+    total = _run_cost(vae, vae_step)[quantity] + _cost(planned, denoiser_step)[quantity]
+    return round(total / _cost(other, denoiser_step, steps=1)[quantity])
+
+
+def _run_cost(folder: Path, step: Step) -> dict[Quantity, int]:
+    return _cost(read_run(Run, folder).experiment, step, read_progress(folder).step)
+
+
+def _cost(experiment: Experiment, step: Step, steps: int = 0) -> dict[Quantity, int]:
+    """Returns the cost of so many steps, by default of those that are planned."""
+    size, planned, action = step(experiment)
+    return {"FLOPs": (steps or planned) * flops(action), "crops": (steps or planned) * size}
+
+
+def vae_step(experiment: Experiment) -> tuple[int, int, Callable[[], object]]:
+    """Returns the crops of a step of stage 1, its steps, and a step's forward and backward."""
+    vae, training = build(experiment.vae), experiment.vae_training
+    size, steps = training.batch_size, training.steps
+    features = torch.zeros(size, experiment.vae_cropping.max_frames, experiment.vae.features)
+    mask = torch.ones(features.shape[:2], dtype=torch.bool)
+    return size, steps, lambda: vae.decode(vae.encode(features, mask).mean, mask).sum().backward()
+
+
+def denoiser_step(experiment: Experiment) -> tuple[int, int, Callable[[], object]]:
+    """Returns the crops of a step of stage 2, its steps, and a step's forward and backward."""
+    denoiser, training = build(experiment.denoiser), experiment.denoiser_training
+    size, steps = training.batch_size, training.steps
+    frames = torch.ones(size, experiment.latents.cropping.max_frames, dtype=torch.bool)
+    mask = build(experiment.vae).latent_mask(frames)
+    latents = torch.zeros(*mask.shape, experiment.denoiser.latent_width)
+    tokens = max(1, experiment.conditioning.pooled + experiment.conditioning.words)
+    words = torch.zeros(size, tokens, experiment.denoiser.condition_width)
+    condition = Conditioning(words, torch.ones(words.shape[:2], dtype=torch.bool))
+    return (
+        size,
+        steps,
+        lambda: denoiser(latents, torch.ones(size), condition, mask).sum().backward(),
+    )

@@ -173,7 +173,7 @@ class ClipStarts:
         # A clip that was shown, or else drawn, for a sentence takes turns with none that was not.
         shown = [neighbor for neighbor in alike if neighbor.caption.support == SHOWN]
         drawn = near[0].caption.support == DRAWN
-        same = shown or [one for one in alike if (one.caption.support == DRAWN) == drawn]
+        same = shown or [n for n in alike if (n.caption.support == DRAWN) == drawn]
         support = SHOWN if shown else self.index.support(sides)
         return Choice(tuple(self._on_side(neighbor, sentence) for neighbor in same), support)
 

@@ -182,11 +182,11 @@ def distinct(index: ClipIndex) -> ClipIndex:
         rows = rows_of.setdefault(caption, [caption])
         if float((vectors[rows] @ vectors[row]).max()) < REPEATED:
             rows.append(row)
-    kept = sorted(row for rows in rows_of.values() for row in rows[1:])
+    remaining = sorted(row for rows in rows_of.values() for row in rows[1:])
     return replace(
         index,
-        wordings=index.wordings[np.array(kept, np.int64) - captions],
-        embeddings=np.concatenate([index.embeddings[:captions], index.embeddings[kept]]),
+        wordings=index.wordings[np.array(remaining, np.int64) - captions],
+        embeddings=np.concatenate([index.embeddings[:captions], index.embeddings[remaining]]),
     )
 
 

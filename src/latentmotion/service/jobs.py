@@ -36,8 +36,7 @@ from pydantic import ValidationError
 
 from latentmotion.errors import LatentMotionError
 from latentmotion.formats.content import MEDIA_TYPES
-from latentmotion.service.batching import CLIENT, Turns, room
-from latentmotion.service.model import check
+from latentmotion.service.batching import CLIENT, Turns, check, room
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import BatchRequest, JobState
 from latentmotion.service.state import Service

@@ -13,7 +13,7 @@ from latentmotion.control.timeline import PartSpan, Span
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.errors import InputError
 from latentmotion.pipeline import RawMotion
-from latentmotion.service.model import BatchSettings, Prompt
+from latentmotion.service.batching import BatchSettings, Prompt
 from latentmotion.storage.limits import MOST_GOALS, MOST_SPANS
 
 MOST_CHARACTERS = 500

@@ -20,7 +20,7 @@ from latentmotion.control.timeline import generate_timeline
 from latentmotion.errors import LatentMotionError
 from latentmotion.formats.content import encoded
 from latentmotion.pipeline import MotionPipeline, RawMotion
-from latentmotion.service import model
+from latentmotion.service import batching
 from latentmotion.service.batching import NICE, Batcher
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
@@ -51,11 +51,11 @@ class Service:
         pipeline = MotionPipeline.from_pretrained(settings.model, settings.runtime, threads=1)
         pipeline = pipeline.with_moves(*settings.moves)
         self.settings, self.metrics = settings, Metrics()
-        self.pipeline = model.with_recent_prompts(pipeline)
+        self.pipeline = batching.with_recent_prompts(pipeline)
         self.batcher = Batcher(
-            partial(model.run, self.pipeline), settings.queue, settings.batch, self.metrics
+            partial(batching.run, self.pipeline), settings.queue, settings.batch, self.metrics
         )
-        self.slow = Batcher(partial(model.run, self.pipeline), settings.queue, 1, self.metrics)
+        self.slow = Batcher(partial(batching.run, self.pipeline), settings.queue, 1, self.metrics)
         self.metrics.watch_queue(lambda: len(self.batcher) + len(self.slow))
         workers = settings.file_workers
         # Our own motions get a second try; a file from outside that ends a process gets none.
@@ -69,10 +69,10 @@ class Service:
         """Starts the threads and makes a first motion, so that the networks are loaded."""
         self.batcher.start(self.settings.threads)
         self.slow.start(1, 2 * NICE)
-        first = model.first_prompt(self.pipeline)
+        first = batching.first_prompt(self.pipeline)
         try:
             # Ten minutes: nobody waits for it, and a cold disk may need some of them.
-            await self.generated(model.BatchSettings(None, None, None, True), [first], 600.0)
+            await self.generated(batching.BatchSettings(None, None, None, True), [first], 600.0)
         except Exception as error:
             self.obstacle = "the model could not be loaded; the log of the service says why"
             print(f"error: the model could not be loaded: {error}", file=sys.stderr)
@@ -118,8 +118,8 @@ class Service:
 
     async def generated(
         self,
-        settings: model.BatchSettings,
-        prompts: Sequence[model.Prompt],
+        settings: batching.BatchSettings,
+        prompts: Sequence[batching.Prompt],
         seconds: float,
         background: bool = False,
     ) -> list[RawMotion]:
@@ -130,7 +130,7 @@ class Service:
             Problem: The queue is full, or the time is over.
         """
         # In a thread: 256 long prompts would hold up the event loop.
-        await asyncio.to_thread(model.check, self.pipeline, settings, prompts)
+        await asyncio.to_thread(batching.check, self.pipeline, settings, prompts)
         return await self.batcher.submit(settings, prompts, seconds, background)
 
     async def called(self, function: Callable[[], T], seconds: float | None) -> T:
@@ -188,7 +188,7 @@ class Service:
             spans = request.spans()
             make = partial(generate_timeline, pipeline, spans, request.seed, *sampled, parts)
         elif goals:
-            model.check(pipeline, settings, request.prompts())
+            batching.check(pipeline, settings, request.prompts())
             about = request.prompt, request.seconds, request.seed, *sampled, request.sampler
             # Joints are put at their goals after clean-up, which a worker could not do.
             steps = CleanUp() if request.clean else None

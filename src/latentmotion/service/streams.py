@@ -21,7 +21,7 @@ from pydantic import ValidationError
 
 from latentmotion.control.stream import CALL, STRIDE, MotionStream, generate_stream
 from latentmotion.errors import InputError, LatentMotionError
-from latentmotion.service.model import BatchSettings, Prompt, check
+from latentmotion.service.batching import BatchSettings, Prompt, check
 from latentmotion.service.problems import Problem, refuse_stream
 from latentmotion.service.schemas import StreamMessage
 from latentmotion.service.state import Service

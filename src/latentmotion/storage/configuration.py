@@ -23,11 +23,16 @@ from latentmotion.storage.reading import read_json_file
 T = TypeVar("T")
 
 
+def kind_of(cls: type) -> str:
+    """Returns the name of a dataclass in files: its `KIND`, or else the name of the class."""
+    return vars(cls).get("KIND", cls.__name__)
+
+
 def to_json(value: Any) -> Any:
-    """Turns (nested) dataclasses into plain JSON values; a union's member names its class."""
+    """Turns (nested) dataclasses into plain JSON values, each with its kind."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {f.name: to_json(getattr(value, f.name)) for f in dataclasses.fields(value)}
-        return {"kind": type(value).__name__, **fields}
+        return {"kind": kind_of(type(value)), **fields}
     if isinstance(value, Mapping):
         return {str(key): to_json(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -132,7 +137,7 @@ def _schema_of(hint: Any) -> dict[str, Any]:
             "type": "object",
             "description": inspect.cleandoc(hint.__doc__ or ""),
             "properties": {
-                "kind": {"const": typing.cast(Any, hint).__name__},
+                "kind": {"const": kind_of(typing.cast(type, hint))},
                 **{option.name: _schema_of(kinds[option.name]) for option in options},
             },
             "required": [
@@ -188,7 +193,7 @@ def _convert_union(members: tuple[Any, ...], value: Any, where: str) -> Any:
     if value is None and type(None) in members:
         return None
     classes = {
-        m.__name__: m for m in members if isinstance(m, type) and dataclasses.is_dataclass(m)
+        kind_of(m): m for m in members if isinstance(m, type) and dataclasses.is_dataclass(m)
     }
     if classes and isinstance(value, Mapping):
         kind = value.get("kind", next(iter(classes)) if len(classes) == 1 else None)

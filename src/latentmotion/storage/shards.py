@@ -13,7 +13,7 @@ import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from latentmotion.errors import DataError, InputError, MissingExtraError
 from latentmotion.storage.address import Folder
@@ -77,9 +77,11 @@ class Record(FileRecord):
 
 
 @dataclass(frozen=True)
-class Run:
+class ShardedRun:
     """Inputs that determine the bytes of all shards."""
 
+    KIND: ClassVar[str] = "Run"
+    """Its name in files."""
     settings: Mapping[str, Any]
     """Plain values."""
     items: int
@@ -94,10 +96,12 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Manifest:
+class ShardManifest:
     """A finished run."""
 
-    run: Run
+    KIND: ClassVar[str] = "Manifest"
+    """Its name in files."""
+    run: ShardedRun
     """Inputs that determine its bytes."""
     shards: tuple[Record, ...]
     """A record of each file."""
@@ -133,7 +137,7 @@ class ShardSubset:
 class Work:
     """A run and the functions that make its shards."""
 
-    run: Run
+    run: ShardedRun
     """What is made."""
     tasks: Mapping[str, Callable[[], ShardContent]] = field(repr=False)
     """A function for each file, which a worker's process can be sent."""
@@ -144,7 +148,7 @@ def make(
     folder: Folder,
     share: ShardSubset = ShardSubset(),
     report: Callable[[Record], object] = id,
-) -> Manifest | None:
+) -> ShardManifest | None:
     """Makes the shards of a share in this process, all but finished ones.
 
     Args:
@@ -169,7 +173,7 @@ def make(
 
 def submit(
     work: Work, folder: Folder, address: str, report: Callable[[Record], object] = id
-) -> Manifest | None:
+) -> ShardManifest | None:
     """Makes the shards on the workers of a Dask cluster, all but finished ones.
 
     Args:
@@ -211,7 +215,7 @@ def submit(
     return conclude(work.run, folder)
 
 
-def start(run: Run, folder: Folder) -> None:
+def start(run: ShardedRun, folder: Folder) -> None:
     """Writes `run.json` into a folder without one.
 
     Raises:
@@ -219,7 +223,7 @@ def start(run: Run, folder: Folder) -> None:
     """
     if RUN_FILE not in folder.names():
         folder.write(RUN_FILE, _packed(run))
-    existing = _read(Run, folder, RUN_FILE)
+    existing = _read(ShardedRun, folder, RUN_FILE)
     if existing.digest == run.digest:
         return
     here, there = run.settings, existing.settings
@@ -265,7 +269,7 @@ def finish(folder: Folder, name: str, task: Callable[[], ShardContent], run: str
     return record
 
 
-def conclude(run: Run, folder: Folder) -> Manifest | None:
+def conclude(run: ShardedRun, folder: Folder) -> ShardManifest | None:
     """Writes the manifest once every shard is finished; before, returns None.
 
     Raises:
@@ -279,13 +283,13 @@ def conclude(run: Run, folder: Folder) -> Manifest | None:
         if record.run != run.digest:
             raise DataError(f"{folder}: {record.name} is of another run; delete it and its record")
     # Whoever comes last writes it; if two do, both write the same bytes.
-    manifest = Manifest(run, records)
+    manifest = ShardManifest(run, records)
     folder.write(MANIFEST_FILE, _packed(manifest))
     folder.tidy()
     return manifest
 
 
-def check(folder: Folder) -> Manifest:
+def check(folder: Folder) -> ShardManifest:
     """Reads a finished run and compares every file with the manifest, byte by byte.
 
     Raises:
@@ -295,12 +299,12 @@ def check(folder: Folder) -> Manifest:
     if RUN_FILE not in there:
         raise DataError(f"{folder} holds no run: it has no {RUN_FILE}")
     if MANIFEST_FILE not in there:
-        names = _read(Run, folder, RUN_FILE).shards
+        names = _read(ShardedRun, folder, RUN_FILE).shards
         missing = [name for name in names if _record_of(name) not in there]
         named = ", ".join(missing[:3]) + (", …" if len(missing) > 3 else "")
         problem = f"{len(missing)} of {len(names)} files are missing ({named}); run it again"
         raise DataError(f"{folder} is not finished: {problem}")
-    manifest = _read(Manifest, folder, MANIFEST_FILE)
+    manifest = _read(ShardManifest, folder, MANIFEST_FILE)
     if tuple(record.name for record in manifest.shards) != manifest.run.shards:
         raise DataError(f"{folder}: {MANIFEST_FILE} lists other files than its run; run it again")
     problems = []
@@ -330,7 +334,7 @@ def _record_of(name: str) -> str:
     return f"{name}.json"
 
 
-def _packed(value: Run | Record | Manifest) -> bytes:
+def _packed(value: ShardedRun | Record | ShardManifest) -> bytes:
     return (json.dumps(to_json(value), indent=1, ensure_ascii=False) + "\n").encode()
 
 

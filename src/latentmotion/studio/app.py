@@ -18,7 +18,7 @@ from latentmotion.service.app import Extension, asset_files, create_app, page_ro
 from latentmotion.service.problems import FULL_DISK, problem_response
 from latentmotion.service.settings import Settings
 from latentmotion.service.state import Service
-from latentmotion.studio import best, characters, models, projects, session, takes, teaching
+from latentmotion.studio import characters, models, projects, session, takes
 from latentmotion.studio.library import Library, MissingMotionError, UnknownError
 
 POLICY = (
@@ -101,8 +101,8 @@ def _routes(
         characters.routes(service, library),
         projects.routes(library),
         session.routes(),
-        best.routes(library, offered),
-        teaching.routes(library, offered),
+        takes.best_routes(library, offered),
+        takes.teaching_routes(library, offered),
     ):
         router.include_router(routes, prefix="/studio/v1", tags=["studio"])
     return router

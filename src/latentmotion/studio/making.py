@@ -19,8 +19,7 @@ from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.representation.canonical import heading, turn
 from latentmotion.storage.configuration import from_json
-from latentmotion.studio.edits import Edits
-from latentmotion.studio.library import Library
+from latentmotion.studio.library import Edits, Library
 from latentmotion.studio.schemas import Recipe
 from latentmotion.text.lengths import TAKE_QUANTILES
 

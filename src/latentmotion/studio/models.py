@@ -21,7 +21,7 @@ from latentmotion.control.parts import PARTS
 from latentmotion.errors import InputError, ModelError, hint
 from latentmotion.model import card as cards
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.service.model import first_prompt, with_recent_prompts
+from latentmotion.service.batching import first_prompt, with_recent_prompts
 from latentmotion.service.schemas import FileFormat, Readable
 from latentmotion.service.state import Service, about
 from latentmotion.studio.library import Library

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,17 +14,24 @@ from typing import Annotated, Any, get_args
 from fastapi import APIRouter, Query, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response, StreamingResponse
+from pydantic import BaseModel, Field
 
+from latentmotion.data.clip import Caption, Source
+from latentmotion.data.recording import features_of
 from latentmotion.errors import InputError
 from latentmotion.formats import npz
 from latentmotion.formats.content import MEDIA_TYPES, encoded
 from latentmotion.kinematics.skeleton import HUMANML3D
-from latentmotion.pipeline import RawMotion
-from latentmotion.service.schemas import FileFormat, Readable
+from latentmotion.model.card import MOVES_FILE
+from latentmotion.pipeline import MotionPipeline, RawMotion
+from latentmotion.ranking import best as ranking
+from latentmotion.ranking.best import Take
+from latentmotion.retrieval.index import joined
+from latentmotion.retrieval.teach import ShownClip, build_index
+from latentmotion.service.schemas import AnswerModel, FileFormat, Readable, RequestModel, Text
 from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, Fps, pieces, uploaded
-from latentmotion.studio.edits import Edits
-from latentmotion.studio.library import MOST_LISTED, Library, StoredTake
+from latentmotion.studio.library import MOST_LISTED, Edits, Library, StoredTake
 from latentmotion.studio.models import Models
 from latentmotion.studio.schemas import (
     CHARACTER_FORMATS,
@@ -309,3 +316,120 @@ def file_name(take: StoredTake, ending: str) -> str:
     """Returns the name of a take's file: words of its title, and its number."""
     words = re.sub("[^a-z0-9]+", "-", take.title.lower())[:60].strip("-")
     return f"{words or 'take'}-{take.id[-6:].lower()}.{ending}"
+
+
+# Difference of similarity, or meters per second that feet slide, that is worth a word.
+_CLEAR = 0.02
+
+
+class BestAnswer(BaseModel):
+    """The take that scores best."""
+
+    take: str | None
+    """Its name; none where the takes cannot be scored."""
+    reason: str
+    """What it does better than the others."""
+    scores: dict[str, float]
+    """Score of each take, the higher the better."""
+
+
+def best_routes(library: Library, models: Models) -> APIRouter:
+    """Returns the route."""
+    router = APIRouter()
+
+    @router.get("/best", response_model=BestAnswer)
+    def best(take: Annotated[list[Id], Query(min_length=1, max_length=MOST_TAKES)]) -> Any:
+        """Score takes of one prompt as `best of` does, and say which is best."""
+        takes = [library.take(name) for name in dict.fromkeys(take)]
+        prompts = {item.recipe.get("prompt") or "" for item in takes}
+        unknown = BestAnswer(take=None, reason="", scores={})
+        if len(prompts) > 1 or not min(prompts).strip():
+            return unknown
+        pipeline = models.service.pipeline
+        scorer = ranking.scorer_beside(pipeline.condition)
+        motions = [library.motion(item) for item in takes]
+        try:
+            ranked = ranking.ranked(motions, pipeline.read(min(prompts)).prompt, scorer)
+        except InputError:  # motions that the scorer does not read
+            return unknown
+        names = {id(motion): item.id for motion, item in zip(motions, takes, strict=True)}
+        scores = {names[id(item.motion)]: round(item.score, 4) for item in ranked}
+        return BestAnswer(take=next(iter(scores)), reason=reason(ranked), scores=scores)
+
+    return router
+
+
+def reason(ranked: Sequence[Take]) -> str:
+    """Returns in words what the first of ranked takes does better than the others do."""
+    first, others = ranked[0], ranked[1:]
+    if not others:
+        return "the only one"
+    count = len(others)
+    mean = {
+        name: sum(getattr(take, name) for take in others) / count for name in ("text", "sliding")
+    }
+    words = []
+    if first.claims > max(take.claims for take in others):
+        words.append("counts and turns as the prompt says")
+    if first.text > mean["text"] + _CLEAR:
+        words.append("closest to the prompt")
+    if first.sliding < mean["sliding"] - _CLEAR:
+        words.append("feet slide less")
+    return ", ".join(words) or "all are close"
+
+
+class TeachRequest(RequestModel):
+    """Sentences that a take shows."""
+
+    sentences: Annotated[list[Text], Field(min_length=1, max_length=20)]
+    """What the person in it does, in one or several wordings."""
+    model: str | None = None
+    """Name of the model that learns it; by default that of the studio's start."""
+
+
+class TeachAnswer(AnswerModel):
+    """What the library teaches by now."""
+
+    clips: int
+    sentences: int
+
+
+def teaching_routes(library: Library, models: Models) -> APIRouter:
+    """Returns the route."""
+    router = APIRouter()
+
+    @router.post("/takes/{name}/teach")
+    def taught(name: Id, body: TeachRequest) -> TeachAnswer:
+        """Let takes of these sentences, and of near ones, start from a take."""
+        take, model = library.take(name), models.named(body.model)
+        index = teach(models.opened(model), library, take, body.sentences)
+        models.forget()
+        return TeachAnswer(clips=index[0], sentences=index[1])
+
+    return router
+
+
+def teach(
+    pipeline: MotionPipeline, library: Library, take: StoredTake, sentences: list[str]
+) -> tuple[int, int]:
+    """Adds a take to the clips of a library; returns how many clips and sentences these are.
+
+    Raises:
+        InputError: There is no sentence, the take is too short, or the model cannot be taught.
+        ModelError: The library's clips are damaged, or were taught to another model.
+    """
+    if not pipeline.moves:
+        raise InputError(f"model {pipeline.card.name!r} cannot start from clips")
+    features = features_of(library.motion(take), pipeline.representation)
+    texts = [text.strip() for text in sentences if text.strip()]
+    captions = tuple(Caption(text, 0, len(features)) for text in texts)
+    source = Source(library.folder.name, "unknown", "")
+    clip = ShownClip(take.id, source.name, take.title, features, captions)
+    encoders = pipeline.feature_encoder, pipeline.text_encoder
+    index = build_index([clip], [source], pipeline.card, *encoders).preferred()
+    file = library.folder / "moves" / MOVES_FILE
+    if file.is_file():
+        index = joined([file], index.latent_space, index.text_encoder).joined(index)
+    file.parent.mkdir(exist_ok=True)
+    index.write(file)
+    return len(index.clips), len(index.captions)

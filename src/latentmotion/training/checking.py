@@ -306,7 +306,7 @@ def follows(scene: Measured, first: Term, second: Term) -> bool:
 
     before = before if first_lasts else before[:1]
     after = after if second_lasts else after[:1]
-    return any(precedes(one, two) for one in before for two in after)
+    return any(precedes(event, two) for event in before for two in after)
 
 
 def meets(check: Check, joints: Float[np.ndarray, "frames 22 3"]) -> bool:

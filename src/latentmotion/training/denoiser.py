@@ -42,16 +42,16 @@ AT_ONCE = 64
 class KeptCropping(Cropping):
     """Chooses among crops that are kept instead of cutting new ones."""
 
-    kept: Mapping[Item, tuple[Crop, ...]] = field(default_factory=dict)
+    crops_of: Mapping[Item, tuple[Crop, ...]] = field(default_factory=dict)
     """Crops of each item."""
 
     def every(self) -> list[Crop]:
         """Returns all that are kept."""
-        return [crop for crops in self.kept.values() for crop in crops]
+        return [crop for crops in self.crops_of.values() for crop in crops]
 
     def crop(self, item: Item, generator: np.random.Generator) -> Crop:
         """Draws one of the item's kept crops and one of its sentences."""
-        crops = self.kept[item]
+        crops = self.crops_of[item]
         chosen = crops[int(generator.integers(len(crops)))]
         caption = item.draw_caption(generator)
         return Crop(chosen.clip, chosen.start, chosen.frames, caption)

@@ -26,11 +26,10 @@ from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.backend import find_encoder, torch_pipeline
 from latentmotion.networks.checkpoint import WEIGHTS_FILE
 from latentmotion.progress import counted
-from latentmotion.representation.interface import representation_named
+from latentmotion.representation import representation_named
 from latentmotion.retrieval.doubts import DoubtWarning
 from latentmotion.storage.files import sha256
-from latentmotion.text.cache import CachedTextEncoder
-from latentmotion.text.encoder import UnknownWordsWarning
+from latentmotion.text.encoder import CachedTextEncoder, UnknownWordsWarning
 from latentmotion.training import stages
 from latentmotion.training.captioning import described
 from latentmotion.training.checking import fulfills

@@ -27,7 +27,7 @@ from latentmotion.networks.device import describe_machine
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import features_from_noise
 from latentmotion.plugins import plugin, plugin_names, warn_of
-from latentmotion.representation.interface import representation_named
+from latentmotion.representation import representation_named
 from latentmotion.storage.configuration import from_json, read_plain, to_json, write_json
 from latentmotion.storage.files import atomic_file
 from latentmotion.storage.provenance import command_line, commit

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
-from latentmotion.formats.smpl_npz import MOTIONX_NUMBERS
+from latentmotion.formats.smpl import MOTIONX_NUMBERS
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import BODY, HANDS, HUMANML3D, Skeleton
 from latentmotion.motion import Motion

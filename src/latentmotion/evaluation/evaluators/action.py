@@ -24,7 +24,7 @@ The authors draw the GRU's first state at random in every call, so their figures
 run. Here it is zero, and `DrawnState` draws it for the protocol `paper`.
 
 Their joints are those of SMPL's neutral body. Without its file a free skeleton stands in; see
-`evaluation/position_scores.py`.
+`evaluation/scores.py`.
 
     rotations of 24 joints (6 numbers each) → batch norm → 10 blocks → mean over frames and joints
     (256), which FID compares → 40 logits
@@ -65,7 +65,8 @@ from latentmotion.evaluation.evaluators.interface import (
 )
 from latentmotion.networks.checkpoint import load_weights, read_weights
 from latentmotion.networks.vae.convolutional import MaskedConvolution, ResidualBlock
-from latentmotion.representation.interface import Normalizer, representation_named
+from latentmotion.representation import representation_named
+from latentmotion.representation.interface import Normalizer
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.storage.configuration import read_json, to_json
 from latentmotion.storage.files import atomic_folder, sha256

@@ -37,8 +37,7 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
     TowerNetworks,
 )
 from latentmotion.evaluation.evaluators.words import EncodedWords, GloveWords, WordVectors
-from latentmotion.export.graph_weights import FEWEST
-from latentmotion.export.onnx import trace
+from latentmotion.export.onnx import FEWEST, trace
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, Provenance
 from latentmotion.networks.checkpoint import load_weights, read_weights
 from latentmotion.ranking import scorer as scorers

@@ -19,7 +19,7 @@ from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import COMPOSED, StoredMotion
 from latentmotion.errors import DataError
-from latentmotion.language.kinds import kinds
+from latentmotion.language.claims import kinds
 from latentmotion.measure.facts import BOTH, SingleAction
 from latentmotion.measure.scene import describe
 from latentmotion.representation.splicing import pose_descriptors, splice

@@ -23,7 +23,7 @@ from latentmotion.data.clip import Caption, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.prepare import encode_all
 from latentmotion.data.recording import FPS, Dropped
-from latentmotion.data.report import REPORT, Report, parts_of, read_report
+from latentmotion.data.report import REPORT, PreparationReport, parts_of, read_report
 from latentmotion.data.sources.own import OwnMotions, find_motions
 from latentmotion.data.store import MANIFEST, CaptionRow, StoredClip
 from latentmotion.errors import DataError
@@ -87,7 +87,7 @@ def describe_folder(
     check: bool = False,
     single: int = 0,
     refused_captions: frozenset[str] = frozenset(),
-) -> Report:
+) -> PreparationReport:
     """Adds measured sentences to a prepared folder.
 
     Args:
@@ -114,7 +114,7 @@ def describe_folder(
         clips = tuple(singles.with_prompts(clip, rows) for clip in clips)
     clips = tuple(without_captions(clip, refused_captions) for clip in clips)
     manifest = replace(dataset.manifest, clips=clips)
-    old = read_report(dataset.folder) or Report((), (), None)
+    old = read_report(dataset.folder) or PreparationReport((), (), None)
     added = sum(len(clip.captions) for clip in clips)
     added -= sum(len(clip.captions) for clip in dataset.manifest.clips)
     note = f"{added} captions measured from the motion (latentmotion data describe, seed {seed})"

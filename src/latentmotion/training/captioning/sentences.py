@@ -19,7 +19,7 @@ from latentmotion.measure.facts import LEFT, RIGHT, Description, Event
 from latentmotion.measure.reported_acts import ReportedAct, acts_of
 from latentmotion.measure.whole_body import FAST, SLOW
 from latentmotion.ranking.agreement import check
-from latentmotion.training.captioning.prompt_patterns import filled
+from latentmotion.training.captioning.prompting import filled
 
 # Subject, possessive, object pronoun, weight; the last row leaves the subject out.
 _SUBJECTS = (

@@ -13,9 +13,9 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.language.kinds import kinds
+from latentmotion.language.claims import kinds
 from latentmotion.measure.facts import BOTH, Event, SingleAction
-from latentmotion.measure.legs import strides_of
+from latentmotion.measure.limbs import strides_of
 from latentmotion.measure.scene import Measured, describe
 from latentmotion.measure.signals import closed_gaps, spans
 from latentmotion.measure.whole_body import stooped

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from latentmotion.language.kinds import kinds, limits
+from latentmotion.language.claims import kinds, limits
 from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event, SingleAction
 from latentmotion.measure.scene import Measured, highest_hand, in_place, meters, reportable_kinds
 from latentmotion.measure.signals import peaks

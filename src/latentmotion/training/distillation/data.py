@@ -150,7 +150,7 @@ class DistillationData:
     """Prepared motions."""
     clips: tuple[Clip, ...]
     """Those to learn from."""
-    seen: tuple[Item, ...]
+    items: tuple[Item, ...]
     """Their items; the teacher generates from their captions."""
     held_out: tuple[Crop, ...]
     """Crops for evaluation only."""
@@ -181,7 +181,7 @@ class DistillationData:
 
     def _along_trajectories(self, settings: TrajectoryRegression) -> TrajectorySteps:
         training, cropping = self.settings.training, self.settings.cropping
-        batches = BatchSampler(self.seen, AT_ONCE, cropping, training.seed)
+        batches = BatchSampler(self.items, AT_ONCE, cropping, training.seed)
         blocks = [batches(step) for step in range(max(settings.trajectories // AT_ONCE, 1))]
         parts = [self._trajectories(TRAJECTORIES_FILE, blocks, 0)]
         if self.asked:
@@ -251,7 +251,7 @@ class DistillationData:
         space, device, vae = self.teacher.card.latents, self.context.device, self.model.vae
         cropping, latents = settings.cropping, FreshLatents(vae, memory, device)
         if self.model.card.vae.has_weights:
-            cropping = keep_crops(self.seen, cropping, per_item, training.seed)
+            cropping = keep_crops(self.items, cropping, per_item, training.seed)
             crops = cropping.every()
             posteriors = cached_posteriors(
                 self.folder / "latents.safetensors",
@@ -259,7 +259,7 @@ class DistillationData:
                 self.context,
             ).normalized(space.mean, space.std)
             latents = LatentCache(crops, posteriors.to(device))
-        batches = BatchSampler(self.seen, training.batch_size, cropping, training.seed)
+        batches = BatchSampler(self.items, training.batch_size, cropping, training.seed)
         return PhaseSteps(self.teacher, batches, latents, training, self.context)
 
 
