@@ -266,8 +266,6 @@ def smpl_body(joints: int) -> Skeleton:
     )
 
 
-_JOINTS = len(HUMANML3D)
-
 # Frames per second that videos usually have, and that GVHMR and TRAM take.
 _FPS = 30.0
 
