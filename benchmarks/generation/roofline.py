@@ -16,14 +16,17 @@ from __future__ import annotations
 import argparse
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import onnx
 import torch
 from torch import Tensor, nn
+from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils.flop_counter import flop_registry
 
 from benchmarks.harness.ceilings import Ceilings
 from benchmarks.harness.contest import figure, table
@@ -32,7 +35,7 @@ from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.backend import ON_CPU, ExecutionOptions
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import Session
-from latentmotion.evaluation.cost import Traffic, flops, traffic
+from latentmotion.evaluation.cost import flops
 from latentmotion.model.card import TEXT_GRAPH_FILE, ModelCard, find_model, text_encoder_folder
 from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import load_model
@@ -53,6 +56,72 @@ COLUMNS = (
 )
 MATRIX = re.compile(r"layers\.\d+\.\w+\.packed")
 """Names of the matrices in the small text encoder's graph."""
+
+
+# The only product here that PyTorch's counter of FLOPs does not know.
+_ATTENTION = torch.ops.aten._scaled_dot_product_flash_attention_for_cpu
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Bytes that are read or written."""
+
+    weights: int
+    """Bytes of parameters."""
+    activations: int
+    """Bytes of everything else."""
+
+    @property
+    def total(self) -> int:
+        """Bytes of parameters and activations."""
+        return self.weights + self.activations
+
+
+def traffic(network: nn.Module, action: Callable[[], object]) -> Traffic:
+    """Returns the bytes that a network's products move while an action runs.
+
+    Every product reads its operands once and writes its result once; what stands between products
+    is taken to be fused into them: a lower bound, since small caches and separate operations add.
+    """
+    with _Counter(network) as counter, torch.no_grad():
+        action()
+    return Traffic(counter.weights, counter.activations)
+
+
+class _Counter(TorchDispatchMode):
+    """Counts the operands and results of the products among all operations."""
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self.weights = self.activations = 0
+        self._learned = {_storage(parameter) for parameter in network.parameters()}
+
+    def __torch_dispatch__(
+        self,
+        operation: Any,
+        types: Any,
+        args: tuple[Any, ...] = (),
+        kwargs: Mapping[str, Any] | None = None,
+    ) -> Any:
+        """Runs an operation and counts it."""
+        output = operation(*args, **(kwargs or {}))
+        if operation.overloadpacket in flop_registry or operation.overloadpacket is _ATTENTION:
+            first = output[:1] if isinstance(output, tuple) else [output]
+            for tensor in [*_tensors(args), *_tensors((kwargs or {}).values()), *first]:
+                size = tensor.numel() * tensor.element_size()
+                if _storage(tensor) in self._learned:
+                    self.weights += size
+                else:
+                    self.activations += size
+        return output
+
+
+def _tensors(values: Iterable[Any]) -> list[Tensor]:
+    return [value for value in values if isinstance(value, Tensor)]
+
+
+def _storage(tensor: Tensor) -> int:
+    return tensor.untyped_storage().data_ptr()
 
 
 @dataclass(frozen=True)

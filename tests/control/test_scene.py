@@ -19,7 +19,7 @@ from latentmotion.control.scene import (
 )
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
-from latentmotion.storage.configuration import json_schema
+from tests.support.schemas import json_schema
 from tests.support.walker import walker
 
 

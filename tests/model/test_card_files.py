@@ -21,7 +21,8 @@ from latentmotion.model.card import (
     read_card,
     shipped_models,
 )
-from latentmotion.storage.configuration import from_json, json_schema
+from latentmotion.storage.configuration import from_json
+from tests.support.schemas import json_schema
 
 SCHEMA = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))
 

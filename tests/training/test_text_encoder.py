@@ -10,10 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
+from safetensors.torch import load_file
+from torch import nn
 
 from latentmotion.errors import DataError, InputError, ModelError
-from latentmotion.export.package import load_student
-from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, pack, teacher_state
+from latentmotion.networks.text_encoder import (
+    NetworkShape,
+    StudentNetwork,
+    pack,
+    packed,
+    teacher_state,
+)
 from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning
 from latentmotion.training.distributed import Ranks
 from latentmotion.training.experiment import TrainingSettings
@@ -197,6 +205,15 @@ def test_too_few_captions_are_refused_before_training(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="held out for validation, expected 33 or more"):
         train_text_encoder(RECIPE, numbered_captions(20), tiny_teacher(), tmp_path, CONTEXT)
     assert not list(tmp_path.iterdir())
+
+
+def load_student(path: Path) -> nn.Module:
+    """Returns the network of a `text_encoder.safetensors`, for PyTorch."""
+    with safe_open(path, "pt") as file:
+        shape = {key: int(value) for key, value in file.metadata().items()}
+    network = packed(StudentNetwork(NetworkShape(**shape)))
+    network.load_state_dict(load_file(path))
+    return network
 
 
 def test_graph_says_what_the_network_says(encoder_folder: Path) -> None:

@@ -219,7 +219,11 @@ def exact_turns(
             rates = np.maximum(np.sign(total) * np.diff(heading), 0)
             missing = np.sign(total) * np.radians(wish.degrees - abs(total))
             added = missing * np.concatenate([[0], np.cumsum(rates / rates.sum())])
-            joints[:, number] = _turned(track, added)
+            # Turns each frame about its root, radians, and the steps of the root with it.
+            root = track[:, :1] * np.array([1.0, 0.0, 1.0])
+            steps = turn(np.diff(root, axis=0), added[:-1, None])
+            path = np.concatenate([root[:1], root[:1] + np.cumsum(steps, axis=0)])
+            joints[:, number] = turn(track - root, added[:, None]) + path
             before[number] = total
     return joints, before
 
@@ -242,13 +246,3 @@ def _heading(
         return None
     heading = np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))
     return gaussian_smooth(heading[:, None], _SMOOTH * fps)[:, 0]
-
-
-def _turned(
-    joints: Float[np.ndarray, "frames joints 3"], angles: Float[np.ndarray, " frames"]
-) -> Float[np.ndarray, "frames joints 3"]:
-    """Turns each frame about its root, radians, and the steps of the root with it."""
-    root = joints[:, :1] * np.array([1.0, 0.0, 1.0])
-    steps = turn(np.diff(root, axis=0), angles[:-1, None])
-    path = np.concatenate([root[:1], root[:1] + np.cumsum(steps, axis=0)])
-    return turn(joints - root, angles[:, None]) + path

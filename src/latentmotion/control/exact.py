@@ -59,9 +59,15 @@ def hold_targets(joints: Joints, targets: Targets, fps: float, skeleton: Skeleto
     if not (len(targets.frames) or len(targets.turned)):
         return joints
     joints = joints.astype(np.float64)
-    poses = _pose_frames(targets, skeleton)
+    # The frames in which more than half of the joints have goals.
+    frames, counts = np.unique(targets.frames, return_counts=True)
+    poses = [int(f) for f, n in zip(frames, counts, strict=True) if n > len(skeleton) // 2]
     limbs = _Limbs(joints, targets, poses, fps, skeleton)
-    turned = _turned(joints, targets, fps, skeleton)
+    # The joints turned about the pelvis toward the headings that are given.
+    missing = heading_gaps(joints, targets, skeleton)
+    offsets = {int(f): np.full(3, gap) for f, gap in zip(targets.turned, missing, strict=True)}
+    angle, root = spread(offsets, len(joints), BLEND * fps)[:, :1], joints[:, :1]
+    turned = root + turn(joints - root, angle)
     body = _trunk_offsets(turned, targets, limbs.ends, poses, skeleton)
     moved = turned
     for _ in range(_ROUNDS):
@@ -72,14 +78,6 @@ def hold_targets(joints: Joints, targets: Targets, fps: float, skeleton: Skeleto
         for frame, over in short.items():
             body[frame] = body.get(frame, np.zeros(3)) + over
     return limbs.posed(moved)
-
-
-def _turned(joints: Joints, targets: Targets, fps: float, skeleton: Skeleton) -> Joints:
-    """Returns the joints turned about the pelvis toward the headings that are given."""
-    missing = heading_gaps(joints, targets, skeleton)
-    offsets = {int(f): np.full(3, gap) for f, gap in zip(targets.turned, missing, strict=True)}
-    angle, root = spread(offsets, len(joints), BLEND * fps)[:, :1], joints[:, :1]
-    return root + turn(joints - root, angle)
 
 
 def held_in_contacts(
@@ -194,12 +192,6 @@ def _rotation_between(
     sine = np.linalg.norm(cross, axis=-1, keepdims=True)
     angle = np.arctan2(sine, (start * end).sum(axis=-1, keepdims=True))
     return cross / np.maximum(sine, 1e-9) * angle
-
-
-def _pose_frames(targets: Targets, skeleton: Skeleton) -> list[int]:
-    """Returns the frames in which more than half of the joints have goals."""
-    frames, counts = np.unique(targets.frames, return_counts=True)
-    return [int(f) for f, n in zip(frames, counts, strict=True) if n > len(skeleton) // 2]
 
 
 def _trunk_offsets(

@@ -1,4 +1,4 @@
-"""Cost: AITS, FLOPs, parameters, bytes moved, of one motion.
+"""Cost: AITS, FLOPs, parameters, of one motion.
 
 AITS: average inference time per sentence, in seconds.
 
@@ -10,14 +10,7 @@ for the first time is not timed.
 FLOPs: the floating-point operations of networks, two for each multiply-add.
 
 `flops` is exact for matrix products, attention's included, and convolutions, as PyTorch's counter
-has them. `thop_macs` counts as the paper does, by THOP (mld.md §11): linear layers, norms and
-convolutions outside attention, nothing inside; "FLOPs" of the paper are twice these, for a motion
-of 40 frames, CLIP on two prompts included.
-
-Traffic: the bytes that matrix products and convolutions must move, for a roofline.
-
-Every product reads its operands once and writes its result once; what stands between products is
-taken to be fused into them. This is a lower bound: small caches and separate operations add to it.
+has them. The paper's "FLOPs" are THOP's (mld.md §11), which counts nothing inside attention.
 
 All steps cost the same, so that FLOPs are counted for one step and for two:
 
@@ -29,25 +22,21 @@ A text encoder is counted if it runs on PyTorch; a graph of ONNX Runtime is not.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import fmean
-from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import nn
 from torch.nn.attention import SDPBackend, sdpa_kernel
-from torch.utils._python_dispatch import TorchDispatchMode
-from torch.utils.flop_counter import FlopCounterMode, flop_registry
+from torch.utils.flop_counter import FlopCounterMode
 
 from latentmotion.condition import TextEncoder
 from latentmotion.evaluation.candidates import Generated
 from latentmotion.evaluation.protocol import TestPrompt
 from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import load_stages
-from latentmotion.networks.transformer import CrossAttention, SelfAttention
 
 WARM_UP = 3
 """Motions that are made before the timing."""
@@ -84,13 +73,6 @@ def _wait() -> None:
         torch.cuda.synchronize()
 
 
-THOP_NORM = 4
-"""Operations that THOP counts for a number that a norm with weights returns."""
-
-# Modules in place of the authors' `nn.MultiheadAttention`, which THOP does not know.
-_UNKNOWN_TO_THOP = (SelfAttention, CrossAttention)
-
-
 def flops(action: Callable[[], object]) -> int:
     """Returns the floating-point operations of whatever networks an action runs on PyTorch."""
     with sdpa_kernel(SDPBackend.MATH), FlopCounterMode(display=False) as counter:
@@ -98,102 +80,9 @@ def flops(action: Callable[[], object]) -> int:
     return counter.get_total_flops()
 
 
-def thop_macs(network: nn.Module, action: Callable[[], object]) -> int:
-    """Returns the multiply-adds that THOP would count of a network while an action runs."""
-    total = 0
-
-    def count(module: nn.Module, _: object, output: Tensor) -> None:
-        nonlocal total
-        if isinstance(module, nn.Linear):
-            total += output.numel() * module.in_features
-        elif isinstance(module, nn.Conv1d):
-            inputs = module.in_channels // module.groups
-            total += output.numel() * inputs * module.kernel_size[0]
-        else:
-            total += output.numel() * THOP_NORM
-
-    with ExitStack() as stack:
-        for module in _counted(network):
-            stack.callback(module.register_forward_hook(count).remove)
-        with torch.no_grad():
-            action()
-    return total
-
-
-def _counted(network: nn.Module) -> Iterator[nn.Module]:
-    """Yields the modules that THOP counts."""
-    if isinstance(network, (nn.Linear, nn.LayerNorm, nn.Conv1d)):
-        yield network
-    for child in network.children():
-        if not isinstance(child, _UNKNOWN_TO_THOP):
-            yield from _counted(child)
-
-
 def parameters(network: nn.Module) -> int:
     """Returns the number of parameters; buffers, which are not learned, do not count."""
     return sum(parameter.numel() for parameter in network.parameters())
-
-
-# The only product here that PyTorch's counter of FLOPs does not know.
-_ATTENTION = torch.ops.aten._scaled_dot_product_flash_attention_for_cpu
-
-
-@dataclass(frozen=True)
-class Traffic:
-    """Bytes that are read or written."""
-
-    weights: int
-    """Bytes of parameters."""
-    activations: int
-    """Bytes of everything else."""
-
-    @property
-    def total(self) -> int:
-        """Bytes of parameters and activations."""
-        return self.weights + self.activations
-
-
-def traffic(network: nn.Module, action: Callable[[], object]) -> Traffic:
-    """Returns the bytes that a network's products move while an action runs."""
-    with _Counter(network) as counter, torch.no_grad():
-        action()
-    return Traffic(counter.weights, counter.activations)
-
-
-class _Counter(TorchDispatchMode):
-    """Counts the operands and results of the products among all operations."""
-
-    def __init__(self, network: nn.Module) -> None:
-        super().__init__()
-        self.weights = self.activations = 0
-        self._learned = {_storage(parameter) for parameter in network.parameters()}
-
-    def __torch_dispatch__(
-        self,
-        operation: Any,
-        types: Any,
-        args: tuple[Any, ...] = (),
-        kwargs: Mapping[str, Any] | None = None,
-    ) -> Any:
-        """Runs an operation and counts it."""
-        output = operation(*args, **(kwargs or {}))
-        if operation.overloadpacket in flop_registry or operation.overloadpacket is _ATTENTION:
-            first = output[:1] if isinstance(output, tuple) else [output]
-            for tensor in [*_tensors(args), *_tensors((kwargs or {}).values()), *first]:
-                size = tensor.numel() * tensor.element_size()
-                if _storage(tensor) in self._learned:
-                    self.weights += size
-                else:
-                    self.activations += size
-        return output
-
-
-def _tensors(values: Iterable[Any]) -> list[Tensor]:
-    return [value for value in values if isinstance(value, Tensor)]
-
-
-def _storage(tensor: Tensor) -> int:
-    return tensor.untyped_storage().data_ptr()
 
 
 TIMED = 20

@@ -27,8 +27,7 @@ from typing import Any, TypeVar
 import numpy as np
 import onnx
 import torch
-from safetensors import safe_open
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from tokenizers import Tokenizer
 from torch import Tensor, nn
 
@@ -49,7 +48,7 @@ from latentmotion.model.card import (
 from latentmotion.networks import checkpoint
 from latentmotion.networks.checkpoint import FirstStageModel
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder, Read
-from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, pack, packed
+from latentmotion.networks.text_encoder import StudentNetwork, pack, packed
 from latentmotion.networks.vae.interface import fingerprint
 from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_file, atomic_folder
@@ -337,15 +336,6 @@ def export_student(
         tokenizer.save(str(temporary), pretty=False)
     write_graph(small, card, folder / TEXT_GRAPH_FILE)
     return small
-
-
-def load_student(path: Path) -> nn.Module:
-    """Returns the network of a `text_encoder.safetensors`, for PyTorch."""
-    with safe_open(path, "pt") as file:
-        shape = {key: int(value) for key, value in file.metadata().items()}
-    network = packed(StudentNetwork(NetworkShape(**shape)))
-    network.load_state_dict(load_file(path))
-    return network
 
 
 def write_graph(network: nn.Module, card: dict[str, str], path: Path) -> None:

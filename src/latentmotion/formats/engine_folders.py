@@ -17,138 +17,7 @@ from latentmotion.storage.files import atomic_file
 Clip = Mapping[str, Any]
 """An entry of a set's table: state, loop, seconds, events."""
 
-_GODOT_SCRIPT = """extends CharacterBody3D
-## Plays the clips of $NAME.glb and moves by their root motion; written by Latent Motion.
-
-signal foot(event: String)  # left_foot_down, left_foot_up, right_foot_down, right_foot_up
-
-const ROOT := $ROOT
-const EVENTS := $EVENTS
-
-@export var state := $FIRST
-@export var fade := 0.3
-
-var last := 0.0
-
-@onready var player: AnimationPlayer = $Figure.find_children("*", "AnimationPlayer")[0]
-
-
-func _ready() -> void:
-	var skeleton: Node = $Figure.find_children("*", "Skeleton3D")[0]
-	var path := player.get_node(player.root_node).get_path_to(skeleton)
-	if ROOT != "":
-		player.root_motion_track = NodePath("%s:%s" % [path, ROOT])
-	player.callback_mode_process = AnimationMixer.ANIMATION_CALLBACK_MODE_PROCESS_PHYSICS
-	player.play(state)
-
-
-## Changes to another clip.
-func change(to: String) -> void:
-	state = to
-	player.play(to, fade)
-
-
-func _physics_process(delta: float) -> void:
-	quaternion = quaternion * player.get_root_motion_rotation()
-	var facing := player.get_root_motion_rotation_accumulator().inverse() * quaternion
-	velocity = facing * player.get_root_motion_position() / delta
-	move_and_slide()
-	var now := player.current_animation_position
-	for event in EVENTS.get(String(player.current_animation), []):
-		var at: float = event[0]
-		if (at > last and at <= now) or (now < last and (at > last or at <= now)):
-			foot.emit(event[1])
-	last = now
-"""
-
-_GODOT_SCENE = """[gd_scene load_steps=4 format=3]
-
-[ext_resource type="Script" path=$SCRIPT id="1"]
-[ext_resource type="PackedScene" path=$FIGURE id="2"]
-
-[sub_resource type="CapsuleShape3D" id="3"]
-radius = 0.3
-height = 1.8
-
-[node name=$NAME type="CharacterBody3D"]
-script = ExtResource("1")
-
-[node name="Shape" type="CollisionShape3D" parent="."]
-transform = Transform3D(1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0.9, 0)
-shape = SubResource("3")
-
-[node name="Figure" parent="." instance=ExtResource("2")]
-"""
-
-_GODOT_IMPORT = """[remap]
-
-importer="scene"
-importer_version=1
-
-[params]
-
-animation/import=true
-animation/fps=$FPS
-animation/trimming=false
-_subresources=$SETTINGS
-"""
-
-_UNITY_SCRIPT = """// How Unity imports $NAME.fbx; written by Latent Motion.
-using System.Linq;
-using UnityEditor;
-using UnityEngine;
-
-class $CLASS : AssetPostprocessor
-{
-    class Known
-    {
-        public string name;
-        public bool loops;
-        public float[] times;
-        public string[] what;
-    }
-
-    static readonly Known[] Clips =
-    {
-$CLIPS
-    };
-
-    bool Ours => assetPath.EndsWith("/" + $FILE);
-
-    void OnPreprocessModel()
-    {
-        if (!Ours) return;
-        var model = (ModelImporter)assetImporter;
-        model.animationType = ModelImporterAnimationType.Generic;
-        model.avatarSetup = ModelImporterAvatarSetup.CreateFromThisModel;
-    }
-
-    void OnPreprocessAnimation()
-    {
-        if (!Ours) return;
-        var model = (ModelImporter)assetImporter;
-        model.motionNodeName = model.transformPaths.FirstOrDefault(
-            path => path == $ROOT || path.EndsWith("/" + $ROOT)) ?? "";
-        var clips = model.defaultClipAnimations;
-        foreach (var clip in clips)
-        {
-            var take = clip.takeName.Substring(clip.takeName.LastIndexOf('|') + 1);
-            var known = Clips.FirstOrDefault(one => one.name == take);
-            if (known == null) continue;
-            clip.name = take;
-            clip.loopTime = known.loops;
-            clip.events = known.times.Select((time, n) => new AnimationEvent
-            {
-                time = time,
-                functionName = "OnFoot",
-                stringParameter = known.what[n],
-                messageOptions = SendMessageOptions.DontRequireReceiver,
-            }).ToArray();
-        }
-        model.clipAnimations = clips;
-    }
-}
-"""
+_TEMPLATES = Path(__file__).with_name("engine_templates")
 
 
 def write_godot(figure: Path, clips: Sequence[Clip], root: str, fps: float) -> list[Path]:
@@ -169,13 +38,13 @@ def write_godot(figure: Path, clips: Sequence[Clip], root: str, fps: float) -> l
     return [
         _written(
             figure.with_name(figure.name + ".import"),
-            _GODOT_IMPORT,
+            "godot.import",
             FPS=f"{fps:g}",
             SETTINGS=json.dumps({"animations": loops}, indent=0),
         ),
         _written(
             script,
-            _GODOT_SCRIPT,
+            "godot.gd",
             NAME=figure.stem,
             ROOT=json.dumps(root),
             EVENTS=json.dumps(events),
@@ -183,7 +52,7 @@ def write_godot(figure: Path, clips: Sequence[Clip], root: str, fps: float) -> l
         ),
         _written(
             figure.with_suffix(".tscn"),
-            _GODOT_SCENE,
+            "godot.tscn",
             SCRIPT=json.dumps(script.name),
             FIGURE=json.dumps(figure.name),
             NAME=json.dumps(figure.stem),
@@ -211,7 +80,7 @@ def write_unity(figure: Path, clips: Sequence[Clip], root: str) -> list[Path]:
     return [
         _written(
             figure.parent / "Editor" / f"{figure.stem}Import.cs",
-            _UNITY_SCRIPT,
+            "unity.cs",
             NAME=figure.stem,
             CLASS=re.sub(r"\W", "_", f"Import_{figure.stem}"),
             CLIPS="\n".join(rows),
@@ -221,8 +90,9 @@ def write_unity(figure: Path, clips: Sequence[Clip], root: str) -> list[Path]:
     ]
 
 
-def _written(path: Path, template: str, **values: str) -> Path:
-    """Writes a template with its capitals replaced."""
+def _written(path: Path, name: str, **values: str) -> Path:
+    """Writes a template, of which the dollar words are replaced."""
+    template = (_TEMPLATES / name).read_text(encoding="utf-8")
     text = re.sub(r"\$([A-Z]+)\b", lambda match: values[match[1]], template)
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(path) as temporary:

@@ -108,11 +108,7 @@ def tokens_of(sentence: str) -> list[Token]:
         elif tight and text in ("s", "re", "m", "ll"):
             continue
         tokens.append(Token(text, match.start(), match.end()))
-    return _numbered(tokens)
-
-
-def _numbered(tokens: list[Token]) -> list[Token]:
-    """Joins the words of each number."""
+    # The words of each number become one token.
     joined: list[Token] = []
     at = 0
     while at < len(tokens):

@@ -30,8 +30,8 @@ MOVING = 0.22
 SLOW, FAST = 0.75, 1.55
 """Speeds, m/s, below and above which a walk is slow or fast."""
 
-JOG, RUN = 1.7, 2.7
-"""Speeds, m/s, above which a gait with flight is a jog and a run."""
+RUN = 2.7
+"""Speed, m/s, above which a gait with flight is a run, not a jog."""
 
 # Frames of the shortest move.
 _SHORTEST_MOVE = 8

@@ -412,6 +412,10 @@ def read_index(path: Path) -> ClipIndex:
         kinds = (str, int, int, int, int)
         captions = tuple(IndexedCaption(*_typed(row, kinds)) for row in text["captions"])
         _check(arrays, clips, captions)
+        words = text["words"]
+        if not isinstance(words, dict) or len(words) > _MOST_CAPTIONS:
+            raise ValueError("a list of words")
+        rows = [_typed(row, (str, int)) for row in words.items()]
         return ClipIndex(
             str(text["text_encoder"]),
             str(text["latent_space"]),
@@ -419,7 +423,7 @@ def read_index(path: Path) -> ClipIndex:
             clips,
             captions,
             **arrays,
-            words=_counts(text["words"]),
+            words={str(word): int(count) for word, count in rows},
         )
     except _DAMAGE as error:
         raise ModelError(f"{path} is no index of clips, or damaged ({error})") from error
@@ -479,13 +483,6 @@ def _typed(row: Any, kinds: Sequence[type]) -> list[Any]:
     if any(isinstance(value, str) and len(value) > _LONGEST_TEXT for value in row):
         raise ValueError(f"a text of more than {_LONGEST_TEXT} letters")
     return list(row)
-
-
-def _counts(words: Any) -> dict[str, int]:
-    if not isinstance(words, dict) or len(words) > _MOST_CAPTIONS:
-        raise ValueError("a list of words")
-    rows = [_typed(row, (str, int)) for row in words.items()]
-    return {str(word): int(count) for word, count in rows}
 
 
 def _check(

@@ -110,7 +110,13 @@ async def on_fields(request: Request, error: Exception) -> Response:
         if entry["loc"] == ("body",) and entry["type"] != "value_error":
             message = _NO_OBJECT
         if entry["type"] == "extra_forbidden":
-            message = _unknown(request, str(entry["loc"][-1]))
+            field = str(entry["loc"][-1])
+            schemas = request.app.openapi()["components"]["schemas"].values()
+            fields = {name for schema in schemas for name in schema.get("properties", ())}
+            near = get_close_matches(field, fields, n=1)
+            message = (
+                f"unknown field; did you mean {near[0]!r}?" if near else "unknown field; see /docs"
+            )
         problems.append({"at": location[:200], "problem": message})
     detail = "; ".join(f"{entry['at']}: {entry['problem']}" for entry in problems[:3])
     more = f"; and {len(problems) - 3} more" if len(problems) > 3 else ""
@@ -121,14 +127,6 @@ async def on_failure(request: Request, error: Exception) -> Response:
     """Answers errors of the service itself; the server's log has the traceback."""
     # The server closes the connection after an error; who is told opens another.
     return problem_response(500, "the service failed; its log says why", {"Connection": "close"})
-
-
-def _unknown(request: Request, field: str) -> str:
-    """Returns what is said of a field that there is none of."""
-    schemas = request.app.openapi()["components"]["schemas"].values()
-    fields = {name for schema in schemas for name in schema.get("properties", ())}
-    near = get_close_matches(field, fields, n=1)
-    return f"unknown field; did you mean {near[0]!r}?" if near else "unknown field; see /docs"
 
 
 _NO_OBJECT = "expected a JSON object, sent with Content-Type: application/json"

@@ -171,8 +171,9 @@ class FileWorkers:
         self._work.add(work)
         work.add_done_callback(self._work.discard)
 
-    def _next_batch(self) -> list[_FileTask]:
-        """Takes the next task and those that may join it, so many that all processes get some."""
+    async def _run_waiting(self) -> None:
+        process = await self._idle.get()
+        # The next task and those that may join it, so many that all processes get some.
         waiting = self._turns.order(job for job in self._waiting if not job.done.done())
         most = min(_TOGETHER, -(-len(waiting) // self._count))
         batch = waiting[:1]
@@ -180,11 +181,6 @@ class FileWorkers:
             batch += [job for job in waiting[1:] if job.joins][: most - 1]
         self._waiting = deque(job for job in self._waiting if job in waiting and job not in batch)
         self._turns.served(batch)
-        return batch
-
-    async def _run_waiting(self) -> None:
-        process = await self._idle.get()
-        batch = self._next_batch()
         try:
             if batch:
                 process = await self._run_batch(process, batch)

@@ -373,7 +373,11 @@ class Library:
         values: list[str | int] = [int(deleted)]
         # Each word costs a scan of all takes: twenty are more than anybody types.
         for word in query.casefold().split()[:20]:
-            forms = _to_look_for(word)
+            # The beginnings of all forms of a word that is searched for.
+            forms = {word, *(form for form in other_forms(word) if len(form) > 2)}
+            forms = [
+                form for form in sorted(forms) if not any(o in form for o in forms if o != form)
+            ]
             conditions.append(f"({' OR '.join(['instr(words, ?)'] * len(forms))})")
             values.extend(forms)
         if tag:
@@ -630,12 +634,6 @@ def _parsed(text: str, kind: type[P]) -> P:
 def _edits(text: str) -> Edits:
     """Returns edits as the database holds them; most takes have the same."""
     return from_json(Edits, _parsed(text, dict))
-
-
-def _to_look_for(word: str) -> list[str]:
-    """Returns the beginnings of all forms of a word that is searched for."""
-    forms = {word, *(form for form in other_forms(word) if len(form) > 2)}
-    return [form for form in sorted(forms) if not any(o in form for o in forms if o != form)]
 
 
 def _row(take: StoredTake) -> tuple[Any, ...]:

@@ -173,10 +173,7 @@ class EvaluatorStage(Stage[Networks]):
             figures.append([loss, *top_hits(squared, matches)])
         names = ("loss", "top_1", "top_2", "top_3")
         means = np.mean(figures, axis=0).tolist() if figures else ()
-        return {**dict(zip(names, means, strict=False)), **self._sides(network)}
-
-    def _sides(self, network: Networks) -> dict[str, float]:
-        """Returns how often a caption with a side is nearer than with left and right swapped."""
+        # How often a caption with a side is nearer than with left and right swapped.
         crops = [crop for crop in self._held_out if mirror_words(crop.caption) != crop.caption]
         hits = []
         for start in range(0, len(crops), GROUP):
@@ -184,7 +181,10 @@ class EvaluatorStage(Stage[Networks]):
             distances = self._distances(network, [crop.caption for crop in group], group)
             other = self._distances(network, [mirror_words(crop.caption) for crop in group], group)
             hits += (distances.diagonal() < other.diagonal()).tolist()
-        return {"sides": float(np.mean(hits))} if hits else {}
+        return {
+            **dict(zip(names, means, strict=False)),
+            **({"sides": float(np.mean(hits))} if hits else {}),
+        }
 
     def _distances(
         self, network: Networks, sentences: Sequence[str], crops: Sequence[Crop]

@@ -159,7 +159,15 @@ def train_lengths(
     std = std.clamp(min=0.1 * float(std.mean()) + 1e-6)  # some numbers are nearly constant
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(recipe.seed)
-        network = _network(x.shape[1], recipe, captions.seconds)
+        widths = [x.shape[1], *[recipe.hidden] * recipe.layers]
+        hidden = [
+            (nn.Dropout(recipe.dropout), nn.Linear(into, out), nn.ReLU())
+            for into, out in pairwise(widths)
+        ]
+        last = nn.Linear(widths[-1], len(QUANTILES))
+        with torch.no_grad():
+            last.bias.copy_(torch.tensor(np.quantile(captions.seconds, QUANTILES)))
+        network = nn.Sequential(*chain(*hidden), nn.Dropout(recipe.dropout), last)
         shares = torch.tensor(QUANTILES)
 
         def pinball(rows: Tensor) -> Tensor:
@@ -284,20 +292,6 @@ def pooled_embeddings(
     rows = np.concatenate([encoder(each[start : start + _AT_ONCE]).pooled for start in starts])
     rows_of = {sentence: number for number, sentence in enumerate(each)}
     return rows[[rows_of[sentence] for sentence in sentences]]
-
-
-def _network(
-    width: int, recipe: LengthRecipe, seconds: Float[np.ndarray, " sentences"]
-) -> nn.Sequential:
-    widths = [width, *[recipe.hidden] * recipe.layers]
-    hidden = [
-        (nn.Dropout(recipe.dropout), nn.Linear(into, out), nn.ReLU())
-        for into, out in pairwise(widths)
-    ]
-    last = nn.Linear(widths[-1], len(QUANTILES))
-    with torch.no_grad():
-        last.bias.copy_(torch.tensor(np.quantile(seconds, QUANTILES)))
-    return nn.Sequential(*chain(*hidden), nn.Dropout(recipe.dropout), last)
 
 
 def _minimize(

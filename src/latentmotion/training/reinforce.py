@@ -103,7 +103,15 @@ class ReinforceStage(DenoiserStage):
         """Losses of step number `step`."""
         of_data, takes = super().forward(step)["total"], self._takes
         objective, training = self._experiment.denoiser_objective, self._settings.training
-        rows = self._rows(step)
+        # Takes of similar length, each once an epoch.
+        size = self._settings.training.batch_size
+        order = torch.argsort(self._takes.mask.sum(dim=1), stable=True)
+        count = max(len(order) // size, 1)
+        epoch, index = divmod(step, count)
+        generator = np.random.default_rng([self._settings.training.seed, epoch])
+        offset = int(generator.integers(len(order) - size * count + 1))
+        block = int(generator.permutation(count)[index])
+        rows = order[offset + block * size : offset + (block + 1) * size]
         ranks, device = self._context.ranks, self._context.device
         chance = StepRandomness(training.seed + 1, step, len(rows), ranks, device)
         shard = rows[ranks.shard(len(rows))]
@@ -127,17 +135,6 @@ class ReinforceStage(DenoiserStage):
         of_takes = (learned * towards + (1 - learned) * away).mean()
         total = of_data + self._settings.weight * of_takes
         return {"total": total, "data": of_data, "takes": of_takes}
-
-    def _rows(self, step: int) -> torch.Tensor:
-        """Returns takes of similar length, each once an epoch."""
-        size = self._settings.training.batch_size
-        order = torch.argsort(self._takes.mask.sum(dim=1), stable=True)
-        count = max(len(order) // size, 1)
-        epoch, index = divmod(step, count)
-        generator = np.random.default_rng([self._settings.training.seed, epoch])
-        offset = int(generator.integers(len(order) - size * count + 1))
-        block = int(generator.permutation(count)[index])
-        return order[offset + block * size : offset + (block + 1) * size]
 
 
 def reinforce(

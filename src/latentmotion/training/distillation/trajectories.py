@@ -25,7 +25,6 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
-from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
@@ -201,16 +200,6 @@ def _as_tensors(parts: Mapping[str, Trajectories]) -> dict[str, torch.Tensor]:
         for prefix, trajectories in parts.items()
         for field in fields(trajectories)
     }
-
-
-def ends_of(
-    path: Path,
-) -> tuple[Float[torch.Tensor, "paths tokens width"], Bool[torch.Tensor, "paths tokens"]]:
-    """Reads the ends of the trajectories of a file, in the denoiser's scale, and the masks."""
-    with safe_open(path, "pt") as file:
-        points = file.get_slice("points")
-        last = points.get_shape()[1] - 1
-        return points[:, last], file.get_tensor("mask")
 
 
 def joined_trajectories(parts: Sequence[Trajectories]) -> Trajectories:
