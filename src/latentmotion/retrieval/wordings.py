@@ -47,8 +47,8 @@ above do not change."""
 SAME = 0.85
 """Cosine from which a caption of the index says the same as one that it was thinned from."""
 
-REPEATED = 0.82
-"""Cosine from which a wording repeats another: one in five; what the rest finds hardly changes."""
+REPEATED = 0.78
+"""Cosine from which a wording repeats another: one in four; what the rest finds hardly changes."""
 
 NEAR_WORDING, NEAR_CAPTION = 0.7, 0.78
 """Cosine from which a sentence says what a wording does, and from which its own words are near
@@ -77,12 +77,21 @@ def in_words_of_captions(
         index: With wordings.
         text_encoder: The encoder of the index.
     """
-    captions = [_caption(movement, index, text_encoder) for movement in movements]
+    captions = [
+        None if number and _refers_back(movement) else _caption(movement, index, text_encoder)
+        for number, movement in enumerate(movements)
+    ]
     if not any(captions):
         return None
     return ", then ".join(
         caption or movement for caption, movement in zip(captions, movements, strict=True)
     )
+
+
+def _refers_back(movement: str) -> bool:
+    """Returns whether a part needs what is before it: "then lower it", "then right"."""
+    words = [token.text for token in tokens_of(movement)]
+    return len(words) <= 2 and not {"it", "them", "left", "right"}.isdisjoint(words)
 
 
 def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str | None:
