@@ -73,6 +73,12 @@ def test_takes_are_made_again_to_the_bit(
     assert len(take["recipe"]["weights"]) == 64
 
 
+def test_takes_of_one_batch_are_made_again_to_the_bit(studio: Called) -> None:
+    for take in made(studio, 4, prompt="a person walks forward"):
+        answer = studio.post(f"/studio/v1/takes/{take['id']}/again").json()
+        assert answer == {"equal": True, "restored": False}
+
+
 @pytest.mark.parametrize(
     ("prompt", "option"),
     [("turn around to the left", "exact_turn"), ("a person bows twice", "exact_count")],

@@ -70,7 +70,7 @@ class Maker:
         title = motions[0].caption or "motion"
         edits = Edits(in_place=recipe.in_place)
         return [
-            (motion, described | {"seed": seed}, title, edits)
+            (motion, described | {"seed": seed, "batch": seeds}, title, edits)
             for motion, seed in zip(motions, seeds, strict=True)
         ]
 
@@ -88,7 +88,9 @@ class Maker:
 
         # Takes of versions that made no exact counts or turns do not say so.
         original = Recipe.model_validate({"exact_count": False, "exact_turn": False, **recipe})
-        return motions_of(self.pipeline, original, [original.seed], source)[0]
+        # In the batch that it was made in, on whose size the last bits of sums depend.
+        seeds = original.batch or [original.seed]
+        return motions_of(self.pipeline, original, seeds, source)[seeds.index(original.seed)]
 
 
 def used_takes(recipe: Recipe) -> list[str]:

@@ -144,6 +144,8 @@ class Recipe(SceneRequest):
     """Version of Latent Motion."""
     sources: dict[str, Any] | None = None
     """Motion and edits of each take that it uses, as they were."""
+    batch: list[int] | None = Field(None, max_length=MOST_TAKES)
+    """Seeds of the takes that were made together with it."""
 
 
 class TakesRequest(RequestModel):

@@ -152,10 +152,12 @@ export class FloorHand {
 
   #startPath(event, start) {
     const { canvas } = this.stage;
-    const grabbed = this.studio.draft.path.findIndex(({ x, z }) => {
+    const pixels = this.studio.draft.path.map(({ x, z }) => {
       const [left, top] = this.onScreen(x, z);
-      return Math.hypot(left - event.clientX, top - event.clientY) < NEAR;
+      return Math.hypot(left - event.clientX, top - event.clientY);
     });
+    const nearest = Math.min(...pixels); // on a small stage several waypoints are near
+    const grabbed = nearest < NEAR ? pixels.indexOf(nearest) : -1;
     const drawn = [start];
     let way = 0;
     const move = (moved) => {
