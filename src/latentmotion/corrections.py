@@ -52,6 +52,8 @@ class Corrections:
     """Whether its timing is free, too."""
     longest: int = 0
     """Frames that it may have to get longer for rest, where nobody gave its length."""
+    on_floor: bool = False
+    """Whether its sentence names nothing above the floor to stand on."""
 
     def about(self) -> dict[str, Any]:
         """Returns what a motion's metadata say of the numbers in its sentence."""

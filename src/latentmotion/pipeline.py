@@ -56,7 +56,7 @@ from latentmotion.engine.backend import (
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import LazySession, PickledByFields, Runtime, Session
 from latentmotion.errors import InputError, ModelError
-from latentmotion.language.reading import asked_exactly, usual_range
+from latentmotion.language.reading import asked_exactly, stays_on_floor, usual_range
 from latentmotion.language.translation import in_english
 from latentmotion.model import card as cards
 from latentmotion.model.card import DEFAULT, ModelCard
@@ -598,7 +598,13 @@ class MotionPipeline(PickledByFields):
         ):
             # A clip has its own timing; slowed down where it is calm, it would lack its end.
             longest = card.frames[1] if any_length else 0
-            correction = replace(correction, sharpens=True, settles=start is None, longest=longest)
+            correction = replace(
+                correction,
+                sharpens=True,
+                settles=start is None,
+                longest=longest,
+                on_floor=start is None and stays_on_floor(readings[prompt].sentence),
+            )
             about = {"model": card.name, "seed": seed, **settings, **correction.about()}
             about |= readings[prompt].about() | (start.about() if start else {})
             if prompt in translated:

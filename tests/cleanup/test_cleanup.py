@@ -560,6 +560,8 @@ def test_a_body_that_hovers_comes_down_and_one_on_stairs_stays():
     stairs = standing(120)
     stairs[40:, :, 1] += 0.4
     np.testing.assert_allclose(align_floor(stairs, FPS, HUMANML3D)[90:], stairs[90:], atol=1e-3)
+    without_stairs = align_floor(stairs, FPS, HUMANML3D, on_floor=np.array(True))
+    assert without_stairs[60:, FEET, 1].min(axis=1).max() <= Floor().tolerance + 1e-6
     down = standing(120)
     down[:80, :, 1] += 0.6
     np.testing.assert_allclose(align_floor(down, FPS, HUMANML3D)[:30], down[:30], atol=1e-3)

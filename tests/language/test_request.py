@@ -6,7 +6,13 @@ import pytest
 
 from latentmotion.corrections import NO_CORRECTIONS, Corrections, Count
 from latentmotion.language.claims import Claim
-from latentmotion.language.reading import asked_exactly, claims_of, request_of, usual_range
+from latentmotion.language.reading import (
+    asked_exactly,
+    claims_of,
+    request_of,
+    stays_on_floor,
+    usual_range,
+)
 
 
 @pytest.mark.parametrize(
@@ -113,3 +119,18 @@ def test_captions_are_read_as_before() -> None:
 )
 def test_a_single_act_has_a_usual_range(prompt: str, expected: tuple[float, float] | None) -> None:
     assert usual_range(prompt) == expected
+
+
+@pytest.mark.parametrize(
+    ("prompt", "stays"),
+    [
+        ("walk up, turn around and walk back", True),
+        ("a person kicks twice", True),
+        ("someone walks up the stairs", False),
+        ("she climbs", False),
+        ("a man jumps onto a box", False),
+        ("rides a horse", False),
+    ],
+)
+def test_who_stays_on_the_floor(prompt: str, stays: bool) -> None:
+    assert stays_on_floor(prompt) is stays

@@ -90,6 +90,18 @@ def test_movements_in_a_row_start_from_a_clip_each(fast):
     assert len(motion.metadata["from_clips"]) == 2
 
 
+def test_who_walks_first_starts_from_a_walk(fast):
+    texts = ["a person walks, then salutes", "walks to a chair and sits down", "salute"]
+    clips = [fast.batch([text], seeds=[0])[0].metadata["from_clips"] for text in texts]
+    assert [len(each) for each in clips] == [2, 1, 1]
+    assert "walk" in clips[0][0]["caption"] and "salute" in clips[0][1]["caption"]
+
+
+def test_a_clip_is_no_longer_than_its_act_usually_is(fast):
+    long, given = fast.batch(["a person drinks"] * 2, [None, 7.0], [0, 0])
+    assert (len(long), len(given)) == (80, 140)
+
+
 def test_half_of_the_takes_start_from_clips_and_have_an_advantage(fast):
     motion = fast("she sweeps the floor", seed=0)
     advantages = [take["advantage"] for take in motion.metadata["best_of"]]

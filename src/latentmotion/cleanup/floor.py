@@ -3,7 +3,8 @@
 1. The whole motion is shifted by one number if the feet of an upright body stand far from 0.
 2. Where the lowest joint hovers for longer than any jump lasts, the body is lowered. A body that
    lies (pelvis low) may hover a little, for its flesh; one that does not and is as high as a step
-   of stairs stands on something, if it began lower, or began much higher and ends on the floor.
+   of stairs stands on something, if it began lower, or began much higher and ends on the floor,
+   and its sentence, where it has one, names something to stand on.
 3. Where the body is below the floor, it is lifted; feet are lifted by their own legs, hands by
    their arms. A jump, a ladder, a flight of stairs are left as they are.
 
@@ -58,8 +59,17 @@ def align_floor(
     fps: float,
     skeleton: Skeleton,
     settings: Floor = Floor(),
+    on_floor: Bool[np.ndarray, "*batch"] = np.array(False),  # noqa: B008
 ) -> Float[np.ndarray, "frames *batch joints 3"]:
-    """Returns the joints, whole poses moved up or down so that they stand or lie on height 0."""
+    """Returns the joints, whole poses moved up or down so that they stand or lie on height 0.
+
+    Args:
+        joints: Positions, meters.
+        fps: Frames per second.
+        skeleton: Names feet and hands.
+        settings: Settings of the floor's height.
+        on_floor: Of which motions it is known that they stand on nothing above the floor.
+    """
     feet = [*skeleton.left_foot, *skeleton.right_foot]
     hands = [joint for arm in find_arms(skeleton) for joint in arm[2:]]
     body = [joint for joint in range(len(skeleton)) if joint not in (*feet, *hands)]
@@ -93,6 +103,9 @@ def align_floor(
     stands_on = climbed * ramp(heights, *settings.step)
     hangs = (1 - lies) * (1 - stands_on) * np.maximum(0, heights - settings.tolerance)
     hover = np.maximum(hover, np.where(_still(moved[..., 0, :], fps), hangs, 0))
+    # Nor is one who is up for longer, however high; a pelvis may rise and fall meanwhile.
+    aloft = on_floor * (1 - lies) * np.maximum(0, heights - settings.tolerance)
+    hover = np.maximum(hover, np.where(_lasting(aloft > 0, 2 * reach + 1), aloft, 0))
     if hover.any():
         # What is smooth lacks the tops of what is not; a second pass has most of them.
         down = gaussian(hover, 0.2 * fps)
@@ -117,12 +130,18 @@ def _still(
     """Returns whether the root hardly moves, for longer than at the top of a jump."""
     speed = velocity(root, fps)
     calm = (np.linalg.norm(speed, axis=-1) < _CALM) & (np.abs(speed[..., 1]) < _LEVEL_SPEED)
-    width = max(1, round(_HANGING * fps))
-    if len(calm) < width:
-        return np.zeros(calm.shape, bool)
+    return _lasting(calm, max(1, round(_HANGING * fps)))
+
+
+def _lasting(
+    flags: Bool[np.ndarray, frames * batch], width: int
+) -> Bool[np.ndarray, frames * batch]:
+    """Returns what is true for some frames in a row at least."""
+    if len(flags) < width:
+        return np.zeros(flags.shape, bool)
     windows = np.lib.stride_tricks.sliding_window_view
-    whole = windows(calm, width, axis=0).all(axis=-1)
-    padding = np.zeros((width - 1, *calm.shape[1:]), bool)
+    whole = windows(flags, width, axis=0).all(axis=-1)
+    padding = np.zeros((width - 1, *flags.shape[1:]), bool)
     return np.asarray(
         windows(np.concatenate([padding, whole, padding]), width, axis=0).any(axis=-1)
     )

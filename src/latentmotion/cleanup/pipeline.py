@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from latentmotion.cleanup.bone_lengths import constant_bones
 from latentmotion.cleanup.contacts import Contacts, foot_contacts
@@ -191,7 +191,8 @@ def _clean_alike(
         joints = np.stack([motion.joints for motion in batch], axis=1).astype(np.float64)
         turns = [corrections[n].turn if steps.exact_turn else None for n in numbers]
         joints, before = exact_turns(joints, batch[0].fps, batch[0].skeleton, turns)
-        joints = _cleaned(joints, batch, steps).astype(np.float32)
+        on_floor = np.array([corrections[n].on_floor for n in numbers])
+        joints = _cleaned(joints, batch, steps, on_floor).astype(np.float32)
         for column, (number, turn, degrees) in enumerate(zip(numbers, turns, before, strict=True)):
             about = dict(motions[number].metadata)
             if turn is not None and degrees is not None:
@@ -200,7 +201,12 @@ def _clean_alike(
     return cleaned
 
 
-def _cleaned(joints: Joints, motions: Sequence[Motion], steps: CleanUp) -> Joints:
+def _cleaned(
+    joints: Joints,
+    motions: Sequence[Motion],
+    steps: CleanUp,
+    on_floor: Bool[np.ndarray, " motions"],
+) -> Joints:
     fps, skeleton = motions[0].fps, motions[0].skeleton
     if steps.smooth:
         joints = keep_knee_direction(steadied(joints, fps, steps.cutoff), joints, skeleton)
@@ -220,7 +226,7 @@ def _cleaned(joints: Joints, motions: Sequence[Motion], steps: CleanUp) -> Joint
                 stacklevel=4,
             )
     if steps.floor:
-        joints = align_floor(joints, fps, skeleton, steps.ground)
+        joints = align_floor(joints, fps, skeleton, steps.ground, on_floor)
     if steps.seats:
         joints = hold_seats(joints, fps, skeleton)
     if steps.feet:

@@ -41,7 +41,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.cleanup.contacts import ramp, velocity
+from latentmotion.cleanup.contacts import contact_intervals, ramp, velocity
 from latentmotion.kinematics.plausibility import unfinished
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 
@@ -161,6 +161,10 @@ _SHOWN, _SHOWN_SHARE = 0.7, 0.5
 # Pace of a body that idles, the highest of one that acts, and those of the first and last frame.
 _IDLE, _MOST_PACE, _END_PACES = 0.15, 1.25, (0.4, 0.3)
 
+# Seconds that rest gets longer at most, at the start of a motion that goes some meters, and
+# elsewhere: who waits longer seems frozen.
+_LONGEST_REST, _FAR = (0.3, 1.5), 1.0
+
 # Seconds in which a motion settles.
 _SETTLE = 0.5
 
@@ -199,7 +203,12 @@ def settled(
     speed = np.linalg.norm(velocity(joints, fps), axis=-1)
     fastest = gaussian(speed.max(axis=-1), 0.1 * fps)
     busy = np.maximum(ramp(fastest, *_SPEEDS), ramp(speed[:, 0], *_WALK))
-    pace = _IDLE + (1 - _IDLE) * busy
+    longer = 1 / (_IDLE + (1 - _IDLE) * busy) - 1
+    for start, end in contact_intervals(longer > 1):
+        travels = start == 0 and np.ptp(joints[:, 0, ::2], axis=0).max() > _FAR
+        most = _LONGEST_REST[0 if travels else 1] * fps
+        longer[start:end] *= min(1.0, most / longer[start:end].sum())
+    pace = 1 / (1 + longer)
     frames, ease = np.arange(last + 1), np.ones(last + 1)
     for part, slowest, away in zip(
         (slice(reach), slice(-reach, None)), _END_PACES, (frames, last - frames), strict=True

@@ -20,7 +20,7 @@ import numpy as np
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.errors import DiskFullError, InputError, LatentMotionError
-from latentmotion.language.reading import asked_exactly
+from latentmotion.language.reading import asked_exactly, stays_on_floor
 from latentmotion.motion import Motion
 from latentmotion.viewer.page import payload
 
@@ -66,8 +66,11 @@ def rewritten(content: bytes, form: str, clean: bool = False) -> tuple[bytes, st
         file.write_bytes(content)
         motions = formats.load(file)
     if clean:  # the page gives lengths, so counts stay as they are
-        exact = [asked_exactly(motion.caption, any_length=False) for motion in motions]
-        corrections = [replace(each, sharpens=True, settles=True) for each in exact]
+        asked = [(motion.caption, asked_exactly(motion.caption, False)) for motion in motions]
+        corrections = [
+            replace(exact, sharpens=True, settles=True, on_floor=stays_on_floor(caption))
+            for caption, exact in asked
+        ]
         motions = clean_batch(motions, CleanUp(), corrections)
     return encoded(motions, form)
 

@@ -239,6 +239,13 @@ def asked_exactly(prompt: str, any_length: bool) -> Corrections:
     return Corrections(turn, _count(counts[0], claims, prompt))
 
 
+def stays_on_floor(prompt: str) -> bool:
+    """Whether a prompt names acts, and nothing above the floor that one could stand on or hold."""
+    claims = request_of(prompt).claims
+    carried = {token.text for token in tokens_of(prompt)} & listed("carriers")
+    return bool(claims) and not carried and all(claim.kind != "climb" for claim in claims)
+
+
 def usual_range(prompt: str) -> tuple[float, float] | None:
     """Returns how many seconds a motion of a prompt lasts at least and at most.
 

@@ -23,9 +23,9 @@ from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
 from latentmotion.language.acts import lookups
-from latentmotion.language.claims import both_sides
-from latentmotion.language.reading import asked_exactly
-from latentmotion.language.words import named_sides, parts_of
+from latentmotion.language.claims import Claim, both_sides, kinds
+from latentmotion.language.reading import asked_exactly, request_of, usual_range
+from latentmotion.language.words import listed, named_sides, parts_of, tokens_of
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, Reading
@@ -64,6 +64,10 @@ MOST_CHOICES = 4
 
 LONGEST_STRETCH = 1.4
 """Factor by which a clip may be slowed down or sped up; beyond it is repeated or cut."""
+
+# Meters from which a clip goes somewhere; seconds of a walk before another act; captions among
+# which one is looked for.
+_WAY, _WALKS, _CAPTIONS_OF_WALKS = 1.2, (1.8, 4.0), 100
 
 
 @dataclass(frozen=True)
@@ -169,23 +173,68 @@ class ClipStarts:
         drawn = all(part.is_given for part in parts) and exactly in captions
         exact = exactly != NO_CORRECTIONS and not (shown or drawn)
         rare = support <= (USUAL if reading.caption else RARE) and not exact
-        return parts if rare and all(part.is_near for part in parts) else []
+        if not (rare and all(part.is_near for part in parts)):
+            return []
+        walk = self._approach(reading.prompt, parts)
+        # A part for the walk may be there, by a clip that stays on the spot.
+        instead = len(parts) > 1 and bool(_gaits_of(parts[0].neighbors[0].caption.text))
+        return [*walk, *parts[1 if walk and instead else 0 :]]
+
+    def _approach(self, sentence: str, parts: Sequence[Choice]) -> list[Choice]:
+        """Returns a walk to begin with, where a sentence begins with one that its clips lack.
+
+        Clips of single acts stand: "walks to the fridge and drinks" is nearest to drinking alone.
+        """
+        ends = (t.start for t in tokens_of(sentence) if t.text in listed("then") | {"and", ","})
+        head = sentence[: next(ends, 0)].strip()
+        gaits = _gaits_of(head)
+        if len(gaits) != 1 or gaits[0].direction == "place":
+            return []
+        for neighbor in (neighbor for part in parts for neighbor in part.neighbors):
+            caption = neighbor.caption
+            told = any(gait.direction != "place" for gait in _gaits_of(caption.text))
+            if told or caption.support == SHOWN or self._goes(neighbor):
+                return []
+        frames_per_token = self.card.latents.frames_per_token or 1
+        walks: list[Neighbor] = []
+        for near in self.index.nearest(self._sides(head), _CAPTIONS_OF_WALKS):
+            claims = request_of(near.caption.text).claims
+            same = [(claim.kind, claim.direction in ("", "forward")) for claim in claims]
+            seconds = len(self.index.latents_of(near.caption)) * frames_per_token
+            seconds /= self.representation.fps
+            if same == [(gaits[0].kind, True)] and _WALKS[0] <= seconds <= _WALKS[1]:
+                walks += [near] if self._goes(near) else []
+            if len(walks) == MOST_CHOICES:
+                break
+        return [Choice(tuple(walks), self.index.support(self._sides(head)))] if walks else []
+
+    def _goes(self, neighbor: Neighbor) -> bool:
+        """Whether a clip goes some way over the floor."""
+        latents = self.index.latents_of(neighbor.caption)
+        frames = len(latents) * (self.card.latents.frames_per_token or 1)
+        features = self.decode(latents[None], prefix_mask([frames]))[0]
+        root = self.representation.decode(features)[:, 0, ::2]
+        return float(np.linalg.norm(np.diff(root, axis=0), axis=-1).sum()) > _WAY
 
     def _choice(self, sentence: str) -> Choice:
         versions = (self._sides(text) for text in lookups(sentence))
         nearest = [(sides, self.index.nearest(sides, MOST_CHOICES)) for sides in versions]
         sides, near = max(nearest, key=lambda version: version[1][0].cosine)
         alike = [neighbor for neighbor in near if neighbor.cosine >= near[0].cosine - ALIKE]
+        # "Waves" is as near to waving while walking as to waving at a friend.
+        if not _gaits_of(sentence):
+            stands = [n for n in alike if not _gaits_of(n.caption.text)]
+            alike = alike if near[0].caption.support == SHOWN else stands or alike
         # A clip that was shown, or else drawn, for a sentence takes turns with none that was not.
         shown = [neighbor for neighbor in alike if neighbor.caption.support == SHOWN]
         drawn = [neighbor for neighbor in alike if neighbor.caption.support == DRAWN]
         support = self.index.support(sides)
         if shown:
             same, support = shown, SHOWN
-        elif drawn and support <= _most_beside(drawn[0], drawn[0] is near[0]):
+        elif drawn and support <= _most_beside(drawn[0], drawn[0] is alike[0]):
             same, support = drawn, DRAWN
         else:
-            first = near[0].caption.support == DRAWN
+            first = alike[0].caption.support == DRAWN
             same = drawn if first else [n for n in alike if n not in drawn]
         return Choice(tuple(self._on_side(neighbor, sentence) for neighbor in same), support)
 
@@ -218,7 +267,12 @@ class ClipStarts:
         """
         choices = {reading: self.choices(reading) for reading in dict.fromkeys(readings)}
         return [
-            self.start(choices[reading], None if any_length else frames, seed)
+            self.start(
+                choices[reading],
+                None if any_length else frames,
+                seed,
+                usual_range(reading.sentence) if any_length else None,
+            )
             if take and choices[reading]
             else None
             for reading, frames, seed, take, any_length in zip(
@@ -236,13 +290,21 @@ class ClipStarts:
         """
         return self.start([self._choice(reading.prompt)], frames, seed)
 
-    def start(self, choices: Sequence[Choice], frames: int | None, seed: int) -> ClipStart:
+    def start(
+        self,
+        choices: Sequence[Choice],
+        frames: int | None,
+        seed: int,
+        limits: tuple[float, float] | None = None,
+    ) -> ClipStart:
         """Returns what a motion starts from.
 
         Args:
             choices: Clips for each movement of the sentence.
             frames: Length of the motion; by default that of the clips.
             seed: Takes turns among them.
+            limits: Seconds that what the sentence asks for lasts at least and at most; a longer
+                clip is made as short.
         """
         chosen = [choice.neighbors[seed % len(choice.neighbors)] for choice in choices]
         shortest, longest = self.card.frames
@@ -250,7 +312,9 @@ class ClipStarts:
         parts = [self._latents(neighbor) for neighbor in chosen]
         if frames is None:
             frames = sum(map(len, parts)) * per_token
-            frames = min(max(frames, shortest), longest)
+            shown = any(choice.support == SHOWN for choice in choices)
+            most = limits[1] * self.representation.fps if limits and not shown else longest
+            frames = int(min(max(frames, shortest), longest, most))
         tokens = self.card.latents.tokens_of(frames)
         shares = np.cumsum([0, *map(len, parts)]) / sum(map(len, parts))
         ends = np.round(shares * tokens).astype(int)
@@ -285,6 +349,10 @@ def _most_beside(drawn: Neighbor, nearest: bool) -> float:
     if not nearest:
         return USUAL
     return np.inf if drawn.cosine >= ALIKE_WORDS else OFTEN
+
+
+def _gaits_of(sentence: str) -> list[Claim]:
+    return [claim for claim in request_of(sentence).claims if claim.kind in kinds("gait")]
 
 
 def stretched(
