@@ -64,7 +64,7 @@ def _grades(*names: str) -> Callable[[Grade], Grade]:
 
 def _ramp(value: float, worst: float, best: float) -> float:
     """Returns 0 at the worst value, 1 at the best and beyond, and what is between."""
-    return float(np.clip((value - worst) / (best - worst), 0.0, 1.0))
+    return min(max(float(value - worst) / (best - worst), 0.0), 1.0)
 
 
 def _near(count: float, asked: float) -> float:

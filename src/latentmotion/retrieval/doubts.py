@@ -158,7 +158,6 @@ class Doubts:
         for part in parts_of(sentence):
             vectors = self.text_encoder([part, of_a_person(part)]).pooled
             (neighbor,) = self.index.nearest(vectors, 1)
-            wording = self.index.nearest_by_wording(vectors)
             caption = neighbor.caption.text
             near = neighbor.cosine >= NEAR_ENOUGH
             named = outside and outside[0] in part.lower()
@@ -168,7 +167,10 @@ class Doubts:
             unheard = sum(not self._is_known(word) for word in words)
             if unheard > 1 and 2 * unheard > len(words):  # another language
                 return Doubt(part.strip(), "captions have few of its words", caption)
-            if near or (wording and wording.cosine >= SAID_OTHERWISE):
+            if near:
+                continue
+            wording = self.index.nearest_by_wording(vectors)
+            if wording and wording.cosine >= SAID_OTHERWISE:
                 continue
             word = self._foreign_word(part)
             if word:

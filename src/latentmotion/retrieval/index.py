@@ -179,6 +179,11 @@ class ClipIndex:
         return unit(self.embeddings.astype(np.float32))
 
     @cached_property
+    def _latest(self) -> dict[tuple[bool, bytes], Float[np.ndarray, "rows sides"]]:
+        # The cosines asked for last: the nearest of a sentence and their support follow each other.
+        return {}
+
+    @cached_property
     def _clip_of(self) -> Int[np.ndarray, " captions"]:
         return np.array([caption.clip for caption in self.captions])
 
@@ -186,9 +191,15 @@ class ClipIndex:
         self, sentences: Float[np.ndarray, "sides width"], wordings: bool = False
     ) -> Float[np.ndarray, "rows sides"]:
         """Returns the cosines of sentences with captions, or with their wordings."""
-        along = sentences @ self.directions if self.directions.size else sentences
-        captions, others = np.split(self._units, [len(self.captions)])
-        return (others if wordings else captions) @ unit(along).T
+        key = (wordings, sentences.tobytes())
+        cosines = self._latest.get(key)
+        if cosines is None:
+            along = sentences @ self.directions if self.directions.size else sentences
+            captions, others = np.split(self._units, [len(self.captions)])
+            cosines = (others if wordings else captions) @ unit(along).T
+            self._latest.clear()
+            self._latest[key] = cosines
+        return cosines
 
     def nearest(self, sentences: Float[np.ndarray, "sides width"], count: int) -> list[Neighbor]:
         """Returns the captions nearest to a sentence, one for each clip, the nearest first.

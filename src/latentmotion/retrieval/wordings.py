@@ -95,11 +95,11 @@ def _refers_back(movement: str) -> bool:
 
 
 def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str | None:
-    if is_idle(tokens_of(sentence)):
+    if is_idle(tokens_of(sentence)) or request_of(sentence).claims:
         return None
     sides = text_encoder(both_sides(sentence)).pooled
     near = index.nearest_by_wording(sides)
-    if near is None or near.cosine < NEAR_WORDING or request_of(sentence).claims:
+    if near is None or near.cosine < NEAR_WORDING:
         return None
     literal = max(
         (index.nearest(text_encoder(both_sides(text)).pooled, 1)[0] for text in lookups(sentence)),

@@ -43,6 +43,9 @@ from latentmotion.storage.files import atomic_file, sha256
 # Sentences that the distilled encoder reads together at most, which bounds memory.
 _TOGETHER = 32
 
+# Sentences whose embeddings are kept, some 20 kB each.
+_RECENT = 64
+
 
 class UnknownWordsWarning(UserWarning):
     """A sentence has words that the text encoder never met; it reads them by their pieces."""
@@ -91,17 +94,31 @@ class GraphTextEncoder:
         """
         if not sentences:
             raise InputError("no sentence to encode; give at least one")
-        alike: dict[int, dict[str, list[int]]] = {}
+        read: dict[str, TextEmbedding] = {}
+        alike: dict[int, dict[str, tuple[int, ...]]] = {}
         for sentence in dict.fromkeys(sentences):
             encoding = self.tokenizer.encode(sentence)
             if encoding.overflowing:
                 warn_of_length(sentence, len(encoding.ids))
-            alike.setdefault(len(encoding.ids), {})[sentence] = encoding.ids
-        embeddings: dict[str, TextEmbedding] = {}
+            tokens = tuple(encoding.ids)
+            recent = self._recent.get(tokens)
+            if recent is not None:
+                read[sentence] = recent
+            else:
+                alike.setdefault(len(tokens), {})[sentence] = tokens
         for pieces in alike.values():
             rows = self.read(np.array([*pieces.values()], np.int64))
-            embeddings.update(zip(pieces, rows, strict=True))
-        return stack([embeddings[sentence] for sentence in sentences])
+            read.update(zip(pieces, rows, strict=True))
+            if len(rows) <= _RECENT:
+                if len(self._recent) + len(rows) > _RECENT:
+                    self._recent.clear()
+                self._recent.update(zip(pieces.values(), rows, strict=True))
+        return stack([read[sentence] for sentence in sentences])
+
+    @cached_property
+    def _recent(self) -> dict[tuple[int, ...], TextEmbedding]:
+        # For one motion a sentence is read for its length, clips, takes and scores.
+        return {}
 
     def read(self, tokens: Int[np.ndarray, "batch words"]) -> list[TextEmbedding]:
         """Returns the embedding of each sentence of word pieces, all of one length."""
