@@ -22,8 +22,7 @@ from benchmarks.generation.ours import sentences
 from benchmarks.harness.contest import table
 from benchmarks.harness.process import cost
 from latentmotion.networks.device import describe_machine
-from latentmotion.storage.address import folder_at
-from latentmotion.storage.shards import check
+from latentmotion.storage.shards import check, folder_at
 
 COLUMNS = (
     *("motions", "processes", "MB", "clock, s", "motions/s"),

@@ -22,7 +22,7 @@ from latentmotion.condition import TextEncoder
 from latentmotion.model.card import find_model
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
 from latentmotion.text.encoder import StudentTextEncoder
-from latentmotion.training.text_encoder.data import is_held_out, read_captions
+from latentmotion.training.text_encoder import is_held_out, read_captions
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -21,8 +21,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, UnivariateSpline
 
 from latentmotion import Dataset, MotionPipeline
-from latentmotion.control.fit_keypoints import fit_motion
-from latentmotion.control.observe import tilt
+from latentmotion.control.fit_keypoints import fit_motion, tilt
 from latentmotion.kinematics.keypoints import LAYOUTS, Keypoints, joint_weights
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.canonical import turn

@@ -20,7 +20,7 @@ from latentmotion.cli.main import main
 from latentmotion.errors import FileFormatError, InputError, LatentMotionError
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage import limits, shards
-from latentmotion.storage.address import folder_at
+from latentmotion.storage.shards import folder_at
 
 PROMPTS = [
     "a person walks",

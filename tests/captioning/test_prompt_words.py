@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from latentmotion.language.inflection import inflect, past_tense
 from latentmotion.language.reading import claims_of
+from latentmotion.language.words import inflect, past_tense
 from latentmotion.measure.facts import SingleAction
 from latentmotion.training.captioning.clauses import VERBS, other_number
 from latentmotion.training.captioning.prompting import (

@@ -12,7 +12,7 @@ import pytest
 
 from latentmotion.data.clip import Caption
 from latentmotion.data.instructions import instructions
-from latentmotion.language.inflection import present_participle, third_person
+from latentmotion.language.words import present_participle, third_person
 from latentmotion.training.captioning import rewording
 from latentmotion.training.captioning.clauses import read_clauses
 from latentmotion.training.captioning.described import reworded_captions

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.data.sources.humanact12 import ACTIONS
+from latentmotion.data.sources.actor import ACTIONS
 from latentmotion.evaluation.evaluators.action import (
     ActionClassifier,
     MotionGRUConfig,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from latentmotion.control.direct import looking, missed_looks
 from latentmotion.control.exact import (
     distances,
     held_in_contacts,
@@ -22,7 +23,6 @@ from latentmotion.control.goals import (
     targets_of,
     with_hands,
 )
-from latentmotion.control.look import looking, missed_looks
 from latentmotion.control.path import Curve, bent, path_seconds, straight_points, straightened
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import HUMANML3D

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 from latentmotion import Motion, MotionPipeline
-from latentmotion.control.edit import generate_edited
+from latentmotion.control.edit import PARTS, generate_edited, parts_named, with_parts
 from latentmotion.control.fit_keypoints import (
     Capture,
+    Observation,
     body_scale,
     fit_motion,
     unlikeliness,
     white_noise,
 )
-from latentmotion.control.observe import Observation
-from latentmotion.control.parts import PARTS, parts_named, with_parts
 from latentmotion.errors import InputError
 from latentmotion.kinematics.keypoints import LAYOUTS, Keypoints, joint_weights
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT

@@ -15,7 +15,7 @@ from latentmotion.cleanup.loops import turn_of
 from latentmotion.cli.main import main
 from latentmotion.control.states import State, generate_states, parse_state
 from latentmotion.errors import InputError
-from latentmotion.formats.engine_folders import write_unity
+from latentmotion.formats.engines import write_unity
 from latentmotion.formats.gltf_reader import read_animations
 from latentmotion.formats.tables import contact_events
 from latentmotion.motion import Motion

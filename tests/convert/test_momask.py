@@ -17,7 +17,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.config import QuantizedVAEConfig
 from latentmotion.networks.checkpoint import load_stages
-from latentmotion.networks.vae.quantized import QuantizedVAE
+from latentmotion.networks.vae.convolutional import QuantizedVAE
 from tests.support.small_training import CHANGES
 
 WIDTH, CHANNELS, CODES, BOOKS, DEPTH = 8, 6, 7, 3, 3

@@ -12,8 +12,8 @@ from latentmotion.cli.main import main
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.recording import Dropped, Recording
+from latentmotion.data.sources.actor import TRAIN_SUBJECTS, depth_shifts, uestc_recordings
 from latentmotion.data.sources.own import OwnMotions
-from latentmotion.data.sources.uestc import TRAIN_SUBJECTS, depth_shifts, uestc_recordings
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.motion import Motion
@@ -76,7 +76,7 @@ def test_humanact12_clips_may_keep_their_length(tmp_path: Path) -> None:
     ],
 )
 def test_humanact12_of_another_layout(tmp_path: Path, content: object, message: str) -> None:
-    from latentmotion.data.sources.humanact12 import humanact12_recordings
+    from latentmotion.data.sources.actor import humanact12_recordings
 
     path = tmp_path / "a.pkl"
     path.write_bytes(pickle.dumps(content))
@@ -85,7 +85,7 @@ def test_humanact12_of_another_layout(tmp_path: Path, content: object, message: 
 
 
 def test_humanact12_clips_that_cannot_be_used_are_told(tmp_path: Path) -> None:
-    from latentmotion.data.sources.humanact12 import humanact12_recordings
+    from latentmotion.data.sources.actor import humanact12_recordings
 
     nan = np.full((50, 72), np.nan)
     content = {"poses": [nan, np.zeros((5, 66))], "joints3D": [np.zeros((50, 24, 3))] * 2}

@@ -10,7 +10,7 @@ import pytest
 
 from latentmotion.cli.main import main
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.sources.smpl_hands import whole_body
+from latentmotion.data.sources.own import whole_body
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import FileFormatError
 from latentmotion.kinematics.skeleton import HANDS

@@ -16,8 +16,7 @@ import pytest
 from latentmotion.cli.main import main
 from latentmotion.data import packing
 from latentmotion.storage import shards
-from latentmotion.storage.address import Folder
-from latentmotion.storage.shards import Record, Work, make
+from latentmotion.storage.shards import Folder, Record, Work, make
 from tests.support.mocap_folders import (
     CMU_FILES,
     swaying,

@@ -13,7 +13,7 @@ import torch
 from latentmotion.cli.main import main
 from latentmotion.condition import ActionTask
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.sources.humanact12 import ACTIONS
+from latentmotion.data.sources.actor import ACTIONS
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.action import (
     ActionClassifier,

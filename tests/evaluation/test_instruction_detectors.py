@@ -10,8 +10,14 @@ import pytest
 from latentmotion.data.instructions import GROUPS, parse
 from latentmotion.errors import InputError
 from latentmotion.evaluation.instructions.benchmark import instructions
-from latentmotion.evaluation.instructions.body import Body, spans, swings
-from latentmotion.evaluation.instructions.detectors import ACTS, CONDITIONS, fulfills
+from latentmotion.evaluation.instructions.detectors import (
+    ACTS,
+    CONDITIONS,
+    Body,
+    fulfills,
+    spans,
+    swings,
+)
 from tests.support import acted
 
 MOTIONS = {

@@ -32,7 +32,7 @@ from latentmotion.evaluation.instructions.benchmark import (
     write,
     write_prompts,
 )
-from latentmotion.evaluation.instructions.body import Body
+from latentmotion.evaluation.instructions.detectors import Body
 from latentmotion.training.checking import meets
 from tests.support import acted
 

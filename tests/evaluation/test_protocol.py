@@ -35,8 +35,7 @@ from latentmotion.model.config import ConvolutionalVAEConfig, IdentityVAEConfig
 from latentmotion.networks.backend import torch_prior
 from latentmotion.networks.checkpoint import build
 from latentmotion.storage import shards
-from latentmotion.storage.address import folder_at
-from latentmotion.storage.shards import ShardSubset
+from latentmotion.storage.shards import ShardSubset, folder_at
 from tests.support.moving_figures import write_moving_figures
 
 SMALL = replace(CLEAN, replications=3, split="val", repeats=Repeats(4, 3, None, 2))

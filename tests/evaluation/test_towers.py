@@ -23,8 +23,8 @@ from latentmotion.evaluation.evaluators.text_motion_network import TextMotionCon
 from latentmotion.evaluation.evaluators.words import EncodedWords
 from latentmotion.evaluation.scores import reads_text
 from latentmotion.model.card import find_model
-from latentmotion.ranking.nearest import read_training_vectors
 from latentmotion.ranking.scorer import Scorer
+from latentmotion.ranking.search import read_training_vectors
 from latentmotion.text.encoder import StudentTextEncoder
 
 TINY = TowerConfig(hidden=24, motion_layers=1, text_layers=1, heads=2, width=12)

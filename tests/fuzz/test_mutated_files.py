@@ -40,7 +40,7 @@ from latentmotion.data.clip import Source, fit_sentences, parse_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.pack_file import unpack
 from latentmotion.data.packing import pack
-from latentmotion.data.sources.humanact12 import humanact12_recordings
+from latentmotion.data.sources.actor import humanact12_recordings
 from latentmotion.data.sources.humanml3d import read_texts
 from latentmotion.data.sources.own import OwnMotions
 from latentmotion.errors import LatentMotionError

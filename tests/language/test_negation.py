@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from latentmotion.corrections import NO_CORRECTIONS
-from latentmotion.language.negation import affirmed
-from latentmotion.language.reading import asked_exactly, claims_of, request_of
+from latentmotion.language.reading import affirmed, asked_exactly, claims_of, request_of
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from latentmotion.language.inflection import forms
 from latentmotion.language.reading import request_of
-from latentmotion.language.words import match, plain, tokens_of, uncounted, with_words, words_of
+from latentmotion.language.words import (
+    forms,
+    match,
+    plain,
+    tokens_of,
+    uncounted,
+    with_words,
+    words_of,
+)
 
 
 @pytest.mark.parametrize(

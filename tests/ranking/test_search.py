@@ -14,14 +14,15 @@ from latentmotion.cli.main import main
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
 from latentmotion.ranking import search
-from latentmotion.ranking.nearest import (
+from latentmotion.ranking.scorer import CLIPS_FILE, shipped_scorer
+from latentmotion.ranking.search import (
     KnownClip,
+    MotionIndex,
     TrainingVectors,
     read_training_vectors,
     training_vectors,
+    windows_of,
 )
-from latentmotion.ranking.scorer import CLIPS_FILE, shipped_scorer
-from latentmotion.ranking.search import MotionIndex, windows_of
 from tests.support.walker import walker
 
 

@@ -13,9 +13,8 @@ from benchmarks.quality.strips import FIGURES, REAL, draw_strips, sheet, spread
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
-from latentmotion.reproduce.joined import interval, join_runs, joined_row
 from latentmotion.reproduce.markdown import RowResult, TableResult, fill
-from latentmotion.reproduce.runner import TableRunner
+from latentmotion.reproduce.runner import TableRunner, interval, join_runs, joined_row
 from latentmotion.reproduce.table import TABLES, rows_named
 from latentmotion.reproduce.workspace import Workspace, training_cost
 from latentmotion.storage.configuration import read_json, write_json

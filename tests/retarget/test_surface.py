@@ -14,7 +14,7 @@ from latentmotion.formats.gltf_document import Document
 from latentmotion.motion import Motion
 from latentmotion.render.mannequin import make_mannequin
 from latentmotion.retarget import read_rig, retarget
-from latentmotion.retarget.surface import surface_of
+from latentmotion.retarget.flesh import surface_of
 from latentmotion.retarget.transfer import CharacterFigure
 from tests.support.walker import t_pose, walker
 

@@ -20,8 +20,8 @@ from latentmotion.service.jobs import Jobs
 from latentmotion.service.schemas import BatchRequest
 from latentmotion.service.state import Service
 from latentmotion.storage import files, shards
-from latentmotion.storage.address import folder_at
 from latentmotion.storage.configuration import write_json
+from latentmotion.storage.shards import folder_at
 from latentmotion.studio.library import Library
 from latentmotion.studio.projects import write as write_project
 from tests.support.walker import walker

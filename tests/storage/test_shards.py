@@ -14,8 +14,14 @@ import pytest
 
 from latentmotion.errors import DataError, InputError
 from latentmotion.storage import shards
-from latentmotion.storage.address import folder_at
-from latentmotion.storage.shards import ShardContent, ShardedRun, ShardSubset, Work, Wrong
+from latentmotion.storage.shards import (
+    ShardContent,
+    ShardedRun,
+    ShardSubset,
+    Work,
+    Wrong,
+    folder_at,
+)
 
 COUNT = 9
 NAMES = tuple(f"numbers-{number}.txt" for number in range(COUNT))
@@ -71,7 +77,7 @@ def killed_replace(path, target):
 Path.write_bytes, Path.replace = killed_write, killed_replace
 
 from latentmotion.storage import shards
-from latentmotion.storage.address import folder_at
+from latentmotion.storage.shards import folder_at
 from tests.storage.test_shards import work
 
 shards.make(work(), folder_at(sys.argv[1], create=True), shards.ShardSubset.parse(sys.argv[2]))

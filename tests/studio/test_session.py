@@ -9,9 +9,8 @@ from typing import Any
 import pytest
 
 from latentmotion.errors import InputError
-from latentmotion.studio.app import create_studio
+from latentmotion.studio.app import COOKIE, create_studio, kept_token
 from latentmotion.studio.library import Library
-from latentmotion.studio.session import COOKIE, kept_token
 from tests.service.conftest import TOKEN
 from tests.service.test_guard import answered
 from tests.studio.conftest import SETTINGS

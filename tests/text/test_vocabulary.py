@@ -12,16 +12,17 @@ import pytest
 
 from latentmotion.errors import DataError
 from latentmotion.text.encoder import split_words
-from latentmotion.training.text_encoder.data import (
+from latentmotion.training.text_encoder import (
     frequent_words,
     is_held_out,
     parse_line,
     pieces_to_keep,
     places_in,
+    plain_phrases,
     read_captions,
     restrict,
+    vary,
 )
-from latentmotion.training.text_encoder.stage import plain_phrases, vary
 from tests.support.tiny_text import CAPTIONS, teacher_tokenizer
 
 LINE = "A man kicks.#a/DET man/NOUN kick/VERB#0.0#0.0"

@@ -13,7 +13,7 @@ from latentmotion.training.evaluator import (
     alike_groups,
     spans_of,
 )
-from latentmotion.training.rarity import RarityDraws
+from latentmotion.training.experiment import RarityDraws
 
 
 def clip(number: int, mirrored: bool = False) -> Clip:

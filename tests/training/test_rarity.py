@@ -6,7 +6,7 @@ import pytest
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Cropping, Item, plan_epoch
 from latentmotion.data.store import COMPOSED
-from latentmotion.training.rarity import RarityDraws
+from latentmotion.training.experiment import RarityDraws
 
 DIRECTIONS = {"walk": [1.0, 0, 0], "sweep": [0, 1.0, 0], "both": [0.6, 0.6, 0.5]}
 

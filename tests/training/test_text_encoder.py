@@ -27,22 +27,20 @@ from latentmotion.training.distributed import Ranks
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.loop import train
 from latentmotion.training.run_folder import read_journal
-from latentmotion.training.text_encoder.data import (
+from latentmotion.training.text_encoder import (
     GROUP,
     SentenceBatch,
     SentenceSampler,
+    StudentRecipe,
     TaggedCaption,
     TeacherOutputs,
+    TextEncoderStage,
     TrainingSet,
     ValidationSentences,
     compare,
+    distillation_losses,
     padded,
     parse_line,
-)
-from latentmotion.training.text_encoder.stage import (
-    StudentRecipe,
-    TextEncoderStage,
-    distillation_losses,
     train_text_encoder,
 )
 from tests.support.small_training import CONTEXT, killed_at

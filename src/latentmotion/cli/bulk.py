@@ -16,7 +16,7 @@ from latentmotion.errors import InputError
 from latentmotion.formats.engines import EngineName
 from latentmotion.model.card import DEFAULT
 from latentmotion.storage import shards
-from latentmotion.storage.address import folder_at
+from latentmotion.storage.shards import folder_at
 
 
 @dataclass(frozen=True)

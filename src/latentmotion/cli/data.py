@@ -26,7 +26,7 @@ from latentmotion.data.instructions import refused_captions
 from latentmotion.data.prepare import Preparation, encode_all, merge
 from latentmotion.data.recording import Dropped, EncodedRecording, FileGroup
 from latentmotion.data.report import PreparationReport, parts_of
-from latentmotion.data.sources import cmu, hdm05, humanact12, humanml3d, snu, uestc
+from latentmotion.data.sources import actor, cmu, hdm05, humanml3d, snu
 from latentmotion.data.sources.cmu import CMU
 from latentmotion.data.sources.own import OwnMotions
 from latentmotion.data.store import MANIFEST, StoredNormalizer
@@ -41,9 +41,9 @@ from latentmotion.representation.humanml3d import (
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SMPL_FEATURES
 from latentmotion.storage import shards
-from latentmotion.storage.address import folder_at
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import check_replaceable, sha256
+from latentmotion.storage.shards import folder_at
 from latentmotion.training.captioning import described
 from latentmotion.training.captioning.compose import Composition, compose
 from latentmotion.training.captioning.compose_actions import compose_actions
@@ -280,8 +280,8 @@ class PrepareHumanAct12(_Prepare):
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        recordings = humanact12.humanact12_recordings(self.file, self.hold)
-        self._write(SMPL_FEATURES, humanact12.HUMANACT12, recordings)
+        recordings = actor.humanact12_recordings(self.file, self.hold)
+        self._write(SMPL_FEATURES, actor.HUMANACT12, recordings)
 
 
 @dataclass(frozen=True)
@@ -294,8 +294,8 @@ class PrepareUestc(_Prepare):
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        recordings = uestc.uestc_recordings(self.folder, self.hold)
-        self._write(SMPL_FEATURES, uestc.UESTC, recordings)
+        recordings = actor.uestc_recordings(self.folder, self.hold)
+        self._write(SMPL_FEATURES, actor.UESTC, recordings)
 
 
 @dataclass(frozen=True, kw_only=True)

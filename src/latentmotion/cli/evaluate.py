@@ -27,10 +27,9 @@ from latentmotion.evaluation.protocol import PROTOCOLS, Protocol
 from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import CARD_FILE, find_model, read_card
 from latentmotion.storage import shards
-from latentmotion.storage.address import folder_at
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import check_replaceable
-from latentmotion.storage.shards import ShardSubset
+from latentmotion.storage.shards import ShardSubset, folder_at
 from latentmotion.training import checking
 
 if TYPE_CHECKING:

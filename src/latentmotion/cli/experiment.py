@@ -86,7 +86,7 @@ class JoinRuns:
         Raises:
             InputError: The table is unknown, a folder has none, or the runs do not fit together.
         """
-        from latentmotion.reproduce.joined import join_runs
+        from latentmotion.reproduce.runner import join_runs
 
         page = join_runs(table_named(self.name), self.results, self.output)
         print(page.read_text(encoding="utf-8"))

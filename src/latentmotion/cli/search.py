@@ -13,9 +13,15 @@ from tyro.conf import Positional, arg
 from latentmotion import formats
 from latentmotion.cli import options
 from latentmotion.data.dataset import Dataset
-from latentmotion.ranking.nearest import nearest_clips, read_training_vectors, training_vectors
 from latentmotion.ranking.scorer import Scorer
-from latentmotion.ranking.search import MotionIndex, check_search, index_name
+from latentmotion.ranking.search import (
+    MotionIndex,
+    check_search,
+    index_name,
+    nearest_clips,
+    read_training_vectors,
+    training_vectors,
+)
 from latentmotion.storage.files import cache_folder, check_writable
 
 _FILES = " ".join(formats.READABLE)

@@ -154,9 +154,8 @@ class Studio(_Listening):
             start_workers=True,
         )
         from latentmotion.service.server import address, bound, serve
-        from latentmotion.studio.app import create_studio
+        from latentmotion.studio.app import create_studio, kept_token, redirecting_page
         from latentmotion.studio.library import Library, default_folder
-        from latentmotion.studio.session import kept_token, redirecting_page
 
         with bound(self.host, self.port) as listener:
             library = Library((self.library or default_folder()).expanduser().resolve())

@@ -17,8 +17,7 @@ from latentmotion.control.direct import sliding_in_contact
 from latentmotion.control.states import generate_states, parse_state
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.errors import InputError
-from latentmotion.formats.engine_folders import write_godot, write_unity
-from latentmotion.formats.engines import ENGINES, EngineName, for_engine
+from latentmotion.formats.engines import ENGINES, EngineName, for_engine, write_godot, write_unity
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT
 from latentmotion.motion import Motion

@@ -40,8 +40,7 @@ from latentmotion.training.experiment import PRESETS, TrainingSettings, preset_n
 from latentmotion.training.finetune import FineTuning, finetune
 from latentmotion.training.lengths import LengthTrials, judged_lengths
 from latentmotion.training.reinforce import Reinforcement, reinforce
-from latentmotion.training.text_encoder.data import read_captions
-from latentmotion.training.text_encoder.stage import StudentRecipe, train_text_encoder
+from latentmotion.training.text_encoder import StudentRecipe, read_captions, train_text_encoder
 
 Preset = Annotated[
     str,

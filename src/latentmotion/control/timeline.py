@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.control.edit import parts_named, with_parts
 from latentmotion.control.exact import inertialized
 from latentmotion.control.generator import (
     Generator,
@@ -24,7 +25,6 @@ from latentmotion.control.generator import (
     margin_of,
     metadata_of,
 )
-from latentmotion.control.parts import parts_named, with_parts
 from latentmotion.control.stream import KNOWN, decode_in_windows
 from latentmotion.engine.request import USUAL_SECONDS, GenerationRequest
 from latentmotion.errors import InputError

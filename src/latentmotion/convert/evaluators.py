@@ -20,7 +20,7 @@ import numpy as np
 from torch import Tensor
 
 from latentmotion.convert.reading import read_content, tensors_of
-from latentmotion.data.sources.humanact12 import ACTIONS
+from latentmotion.data.sources.actor import ACTIONS
 from latentmotion.errors import FileFormatError, InputError, ModelError
 from latentmotion.evaluation.evaluators.action import (
     ActionClassifier,

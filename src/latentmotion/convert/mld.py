@@ -19,7 +19,7 @@ from torch import Tensor, nn
 
 from latentmotion.condition import ActionTask, TextTask
 from latentmotion.convert import reading
-from latentmotion.data.sources.humanact12 import ACTIONS
+from latentmotion.data.sources.actor import ACTIONS
 from latentmotion.diffusion.parametrization import Epsilon, Sample
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.errors import InputError, ModelError

@@ -14,11 +14,11 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.recording import files_below
 from latentmotion.data.report import PreparationReport, parts_of
 from latentmotion.data.sources import humanml3d
+from latentmotion.data.sources.actor import ACTIONS_FILE, FRAMES_FILE, NAMES_FILE, POSES, UESTC
 from latentmotion.data.sources.cmu import CMU, find_trials, rows_by_trial
 from latentmotion.data.sources.hdm05 import find_clips
 from latentmotion.data.sources.own import find_motions
 from latentmotion.data.sources.snu import find_takes
-from latentmotion.data.sources.uestc import ACTIONS, FRAMES, NAMES, POSES, UESTC
 from latentmotion.data.store import MANIFEST
 from latentmotion.errors import DataError
 from latentmotion.storage.files import sha256
@@ -121,7 +121,7 @@ def _annotations_and_poses(folder: Path) -> Iterator[str]:
         yield f"next: latentmotion data prepare humanact12 {path} -o OUT"
     for path in sorted(folder.rglob(POSES)):
         yield "UESTC with VIBE's poses"
-        for name in (NAMES, FRAMES, ACTIONS):
+        for name in (NAMES_FILE, FRAMES_FILE, ACTIONS_FILE):
             if not (path.parent / name).is_file():
                 yield f"  missing {name}, from {UESTC.url}"
         yield f"next: latentmotion data prepare uestc {path.parent} -o OUT"

@@ -39,9 +39,9 @@ from latentmotion.errors import DataError, InputError
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 from latentmotion.representation.interface import Representation
 from latentmotion.storage import files, shards
-from latentmotion.storage.address import Folder
 from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.storage.reading import blamed_on, parse_json
+from latentmotion.storage.shards import Folder
 
 # Meters that a joint may be off after packing.
 _FURTHEST = 0.001

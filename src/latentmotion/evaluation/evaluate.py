@@ -50,10 +50,9 @@ from latentmotion.evaluation.scores import (
 )
 from latentmotion.plugins import plugins
 from latentmotion.progress import counted
-from latentmotion.storage.address import Folder
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.reading import parse_json
-from latentmotion.storage.shards import ShardContent, ShardedRun, ShardManifest, Work
+from latentmotion.storage.shards import Folder, ShardContent, ShardedRun, ShardManifest, Work
 
 
 def evaluate(

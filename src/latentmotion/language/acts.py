@@ -15,14 +15,15 @@ from dataclasses import dataclass
 from functools import cache
 
 from latentmotion.language.claims import data, kinds
-from latentmotion.language.inflection import forms, third_person
 from latentmotion.language.words import (
     STOPS,
     Token,
     beginnings,
+    forms,
     is_plural,
     listed,
     match,
+    third_person,
     tokens_of,
     uncounted,
 )

@@ -39,9 +39,8 @@ from latentmotion.model.config import (
     VPoserTConfig,
 )
 from latentmotion.networks.denoiser import DenoiserNetwork
-from latentmotion.networks.vae.convolutional import ConvolutionalVAE
+from latentmotion.networks.vae.convolutional import ConvolutionalVAE, QuantizedVAE
 from latentmotion.networks.vae.interface import MotionVAE
-from latentmotion.networks.vae.quantized import QuantizedVAE
 from latentmotion.networks.vae.transformer import IdentityVAE, TransformerVAE, VPoserT
 from latentmotion.storage.configuration import part_named
 from latentmotion.storage.files import atomic_folder

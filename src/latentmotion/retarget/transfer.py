@@ -52,10 +52,10 @@ from latentmotion.motion import Motion
 from latentmotion.progress import counted
 from latentmotion.render.mannequin import Mannequin
 from latentmotion.retarget.feet import align_foot, ground_feet
+from latentmotion.retarget.flesh import surface_of
 from latentmotion.retarget.hands import place_hands
 from latentmotion.retarget.rig import Rig, RigPose, Rotations, SourceCharacter
 from latentmotion.retarget.rig_files import RigTake
-from latentmotion.retarget.surface import surface_of
 
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
 

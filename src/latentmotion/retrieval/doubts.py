@@ -17,7 +17,7 @@ from typing import Any
 
 from latentmotion.condition import TextEncoder
 from latentmotion.language.acts import of_a_person
-from latentmotion.language.negation import affirmed
+from latentmotion.language.reading import affirmed
 from latentmotion.language.words import ENDINGS, parts_of, with_words, words_of
 from latentmotion.retrieval.index import DRAWN, SHOWN, ClipIndex
 from latentmotion.retrieval.wordings import in_words_of_captions

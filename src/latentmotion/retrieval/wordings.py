@@ -22,8 +22,7 @@ from latentmotion.condition import TextEncoder
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.language.acts import lookups
 from latentmotion.language.claims import both_sides, mirror_words
-from latentmotion.language.negation import is_idle
-from latentmotion.language.reading import request_of
+from latentmotion.language.reading import is_idle, request_of
 from latentmotion.language.words import named_sides, tokens_of
 from latentmotion.retrieval.index import (
     ABOUT,

@@ -37,7 +37,7 @@ from latentmotion.cleanup.pipeline import in_place
 from latentmotion.errors import DiskFullError, FileFormatError, InputError, LatentMotionError
 from latentmotion.formats import npz
 from latentmotion.formats.content import encoded
-from latentmotion.language.inflection import other_forms
+from latentmotion.language.words import other_forms
 from latentmotion.motion import Motion
 from latentmotion.retarget.rig import RigReport
 from latentmotion.storage.configuration import from_json

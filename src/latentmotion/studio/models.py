@@ -17,7 +17,7 @@ from typing import Any, get_args
 from fastapi import APIRouter
 
 from latentmotion import __version__
-from latentmotion.control.parts import PARTS
+from latentmotion.control.edit import PARTS
 from latentmotion.errors import InputError, ModelError, hint
 from latentmotion.model import card as cards
 from latentmotion.pipeline import MotionPipeline

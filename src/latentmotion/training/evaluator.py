@@ -43,9 +43,8 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
 from latentmotion.evaluation.evaluators.words import GloveWords, Sentences, WordVectors
 from latentmotion.storage.configuration import from_json
 from latentmotion.training.distributed import DistributedContext, StepRandomness
-from latentmotion.training.experiment import TrainingSettings
+from latentmotion.training.experiment import Embed, RarityDraws, TrainingSettings
 from latentmotion.training.loop import Stage, train
-from latentmotion.training.rarity import Embed, RarityDraws
 from latentmotion.training.run_folder import MODEL, open_run, provenance_of
 from latentmotion.training.vae import BatchSampler, FeatureCache
 

@@ -41,7 +41,7 @@ from latentmotion.export.onnx import FEWEST, trace
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, Provenance
 from latentmotion.networks.checkpoint import load_weights, read_weights
 from latentmotion.ranking import scorer as scorers
-from latentmotion.ranking.nearest import training_vectors
+from latentmotion.ranking.search import training_vectors
 from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import atomic_folder

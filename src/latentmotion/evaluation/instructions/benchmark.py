@@ -33,8 +33,7 @@ from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.instructions import GROUPS, Check, Instruction, parse
 from latentmotion.errors import DataError, InputError
-from latentmotion.evaluation.instructions.body import Body
-from latentmotion.evaluation.instructions.detectors import fulfills
+from latentmotion.evaluation.instructions.detectors import Body, fulfills
 from latentmotion.evaluation.instructions.motions import MIN_FRAMES, Joints
 from latentmotion.progress import counted
 from latentmotion.storage.configuration import to_json

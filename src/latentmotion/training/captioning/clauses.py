@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from itertools import pairwise
 
-from latentmotion.language.inflection import present_participle, third_person
+from latentmotion.language.words import present_participle, third_person
 
 TABLE = tomllib.loads(
     files("latentmotion.training.captioning").joinpath("captions.toml").read_text("utf-8")

@@ -27,9 +27,8 @@ from latentmotion.data.report import REPORT, PreparationReport, parts_of, read_r
 from latentmotion.data.sources.own import OwnMotions, find_motions
 from latentmotion.data.store import MANIFEST, CaptionRow, StoredClip
 from latentmotion.errors import DataError
-from latentmotion.language.inflection import third_person
 from latentmotion.language.reading import claims_of
-from latentmotion.language.words import plain
+from latentmotion.language.words import plain, third_person
 from latentmotion.measure.facts import Description
 from latentmotion.measure.reported_acts import acts_of
 from latentmotion.measure.scene import describe

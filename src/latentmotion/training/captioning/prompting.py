@@ -20,8 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from latentmotion.language.inflection import inflect
-from latentmotion.language.words import plain
+from latentmotion.language.words import inflect, plain
 from latentmotion.measure.facts import LEFT, RIGHT, SingleAction
 
 # Limb of acts with one side, and patterns for one side A and then the other, B.

@@ -21,7 +21,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from latentmotion.language.inflection import inflect
+from latentmotion.language.words import inflect
 from latentmotion.training.captioning.clauses import (
     PHRASES,
     SUBJECT,

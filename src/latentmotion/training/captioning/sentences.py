@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from latentmotion.language.inflection import inflect, present_participle
+from latentmotion.language.words import inflect, present_participle
 from latentmotion.measure.facts import LEFT, RIGHT, Description, Event
 from latentmotion.measure.reported_acts import ReportedAct, acts_of
 from latentmotion.measure.whole_body import FAST, SLOW

@@ -1,4 +1,6 @@
-"""UESTC with the poses that VIBE estimated, as ACTOR distributes it.
+"""HumanAct12 and UESTC with SMPL's poses, as ACTOR distributes them.
+
+UESTC: poses that VIBE estimated.
 
     info/names.txt              one video a line: aACTION_dVIEW_pSUBJECT_cSIDE_color.avi
     info/num_frames_min.txt     its frames, a line each
@@ -9,6 +11,14 @@
 
 Views of the second side are turned to the front, by 45° each; its view 8 circles the subject and
 is left out. VIBE's camera is a weak perspective: a person that it scales by s is 2f / (w s) away.
+
+HumanAct12: one file, `humanact12poses.pkl`.
+
+    poses      a list of (frames, 72) rotation vectors, one per clip
+    joints3D   a list of (frames, 24, 3) joints, of which the root trajectory is used
+    y          the action of each clip, 0 .. 11
+
+There is one split, `train`, on which its models are measured too.
 """
 
 from __future__ import annotations
@@ -23,7 +33,14 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data.clip import Source, Split, mirror_words
-from latentmotion.data.recording import Dropped, EncodedRecording, Label, PosedRecording, as_numbers
+from latentmotion.data.recording import (
+    SMPL_JOINTS,
+    Dropped,
+    EncodedRecording,
+    Label,
+    PosedRecording,
+    as_numbers,
+)
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
 from latentmotion.progress import counted
@@ -59,7 +76,7 @@ FOCAL, IMAGE = 500.0, 540.0
 _MID_HIP = 8
 
 POSES, SHIFTS = "vibe_cache_refined.pkl", "globtrans_usez.pkl"
-NAMES, FRAMES, ACTIONS = (
+NAMES_FILE, FRAMES_FILE, ACTIONS_FILE = (
     f"info/{name}.txt" for name in ("names", "num_frames_min", "action_classes")
 )
 _KEYS = ("pose", "joints3d", "orig_cam")
@@ -105,15 +122,16 @@ def uestc_recordings(folder: Path, hold: int) -> Iterator[EncodedRecording | Dro
     (names, frames, actions), poses, shifts = _read_files(folder)
     if len(frames) != len(names) or not all(count.strip().isdigit() for count in frames):
         raise DataError(
-            f"{folder / FRAMES}: expected {len(names)} lines as {NAMES} has, a number in each"
+            f"{folder / FRAMES_FILE}: expected {len(names)} lines as {NAMES_FILE} has, a "
+            "number in each"
         )
     for number, name in enumerate(counted(names, "videos")):
         match = _VIDEO.match(name)
         video = Video(*map(int, match.groups())) if match else None
         if video is None or video.action >= len(actions) or not 0 <= video.view <= 8:
             raise DataError(
-                f"{folder / NAMES}: {name!r}; expected names like a0_d2_p013_c1_color.avi, with "
-                f"actions below {len(actions)}, of which {ACTIONS} has a line each"
+                f"{folder / NAMES_FILE}: {name!r}; expected names like a0_d2_p013_c1_color.avi, "
+                f"with actions below {len(actions)}, of which {ACTIONS_FILE} has a line each"
             )
         try:
             arrays = [as_numbers(poses[key][number]) for key in _KEYS]
@@ -175,11 +193,11 @@ def _recording(
 def _read_files(folder: Path) -> tuple[list[list[str]], Mapping[str, Any], Any]:
     """Reads names, frames and actions as lines, lists by video, and shifts if there are any."""
     texts = []
-    for path in (folder / NAMES, folder / FRAMES, folder / ACTIONS):
+    for path in (folder / NAMES_FILE, folder / FRAMES_FILE, folder / ACTIONS_FILE):
         if not path.is_file():
             raise DataError(
-                f"no file {path}; the folder should hold {NAMES}, {FRAMES}, {ACTIONS} and "
-                f"{POSES}, from {UESTC.url}"
+                f"no file {path}; the folder should hold {NAMES_FILE}, {FRAMES_FILE}, {ACTIONS_FILE} "
+                f"and {POSES}, from {UESTC.url}"
             )
         try:
             texts.append(read_text(path).splitlines())
@@ -205,4 +223,78 @@ def _check_count(path: Path, what: str, values: Any, videos: int) -> None:
     if not (isinstance(values, list | tuple) or (isinstance(values, np.ndarray) and values.ndim)):
         raise FileFormatError(path, f"{what} are a {type(values).__name__}, expected a list")
     if len(values) != videos:
-        raise FileFormatError(path, f"{what} of {len(values)} videos, {NAMES} has {videos}")
+        raise FileFormatError(path, f"{what} of {len(values)} videos, {NAMES_FILE} has {videos}")
+
+
+HUMANACT12 = Source(
+    name="humanact12",
+    license="research only: the terms of HumanAct12 and of PHSPD; poses are of the SMPL model",
+    credit=(
+        "C. Guo et al.: Action2Motion, ACM MM 2020; S. Zou et al.: 3D Human Shape Reconstruction "
+        "from a Polarization Image, ECCV 2020; poses by M. Petrovich et al.: ACTOR, ICCV 2021"
+    ),
+    url="https://github.com/Mathux/ACTOR",
+)
+
+ACTIONS = (
+    *("warm_up", "walk", "run", "jump", "drink", "lift_dumbbell", "sit", "eat"),
+    *("turn steering wheel", "phone", "boxing", "throw"),
+)
+"""Its labels, in the order of their numbers; each is its own mirror image."""
+
+_NEEDED = ("poses", "joints3D", "y")
+
+
+def humanact12_recordings(path: Path, hold: int) -> Iterator[EncodedRecording | Dropped]:
+    """Yields every clip.
+
+    Args:
+        path: The file.
+        hold: Length in frames to which shorter clips are padded with their last frame.
+
+    Raises:
+        FileFormatError: The file cannot be read, or is laid out otherwise.
+    """
+    content = pickles.load(path)
+    if not isinstance(content, Mapping) or any(key not in content for key in _NEEDED):
+        is_mapping = isinstance(content, Mapping)
+        actual = ", ".join(map(str, content)) if is_mapping else type(content).__name__
+        raise FileFormatError(
+            path, f"expected {', '.join(_NEEDED)} of humanact12poses.pkl, found {actual}"
+        )
+    for key in _NEEDED:
+        values = content[key]
+        is_array = isinstance(values, np.ndarray) and values.ndim > 0
+        if not (is_array or isinstance(values, list | tuple)):
+            actual = type(values).__name__
+            raise FileFormatError(path, f"{key} is a {actual}, expected a list by clip")
+    counts = [len(content[key]) for key in _NEEDED]
+    if len(set(counts)) > 1:
+        raise FileFormatError(path, f"{' and '.join(map(str, counts))} clips; expected as many")
+    if not all(isinstance(y, int | np.integer) for y in content["y"]):
+        raise FileFormatError(path, "its actions are no whole numbers; is it another data set?")
+    unknown = sorted({int(y) for y in content["y"]} - set(range(len(ACTIONS))))
+    if unknown:
+        raise FileFormatError(
+            path, f"action {unknown[0]}; expected 0 to {len(ACTIONS) - 1}: is it another data set?"
+        )
+    clips = list(zip(*map(content.get, _NEEDED), strict=True))
+    for number, (pose, joints, action) in enumerate(counted(clips, "clips")):
+        label = Label(
+            id=f"humanact12-{number:04d}",
+            source=HUMANACT12.name,
+            origin=f"{path.name}, clip {number}",
+            split="train",
+            action=ACTIONS[int(action)],
+            mirrored_action=ACTIONS[int(action)],
+        )
+        try:
+            pose, joints = map(as_numbers, (pose, joints))
+        except (ValueError, TypeError) as error:
+            raise FileFormatError(path, f"clip {number} holds no numbers ({error})") from error
+        shapes = pose.shape, joints.shape
+        if pose.ndim and shapes == ((len(pose), 3 * SMPL_JOINTS), (len(pose), SMPL_JOINTS, 3)):
+            yield PosedRecording(label, pose, joints[:, 0]).encode(hold)
+        else:
+            actual = f"poses {shapes[0]} and joints {shapes[1]}"
+            yield Dropped(label.id, "clip", f"{actual}, expected (n, 72) and (n, {SMPL_JOINTS}, 3)")

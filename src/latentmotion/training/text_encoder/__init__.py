@@ -1,1 +1,0 @@
-"""Distillation of the small text encoder: captions, variations, teacher targets, training."""
