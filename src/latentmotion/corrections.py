@@ -57,8 +57,8 @@ class Corrections:
 
     def about(self) -> dict[str, Any]:
         """Returns what a motion's metadata say of the numbers in its sentence."""
-        asked = {"turn": self.turn, "count": self.count}
-        return {name: asdict(each) for name, each in asked.items() if each is not None}
+        numbers = {"turn": self.turn, "count": self.count}
+        return {name: asdict(each) for name, each in numbers.items() if each is not None}
 
 
 NO_CORRECTIONS = Corrections()

@@ -110,8 +110,8 @@ class RawMotion:
 
 def cleaned_up(raw: Sequence[RawMotion], steps: CleanUp) -> list[Motion]:
     """Returns motions cleaned up, with their corrections, and their joints at their goals."""
-    given = [_landed(take) if steps.floor else take.motion for take in raw]
-    motions = clean_batch(given, steps, [take.corrections for take in raw])
+    landed = [_landed(take) if steps.floor else take.motion for take in raw]
+    motions = clean_batch(landed, steps, [take.corrections for take in raw])
     return [_at_goals(motion, take, steps) for motion, take in zip(motions, raw, strict=True)]
 
 

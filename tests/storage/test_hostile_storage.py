@@ -10,6 +10,7 @@ import signal
 import struct
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -61,11 +62,19 @@ def test_pickles(kind: str, tmp_path: Path) -> None:
         pickles.load(tmp_path / "a.pkl")
 
 
-@pytest.mark.parametrize("content", [SHARED, b"]r\xff\xff\xff\x7f.", b"]p99999999999\n."])
-def test_pickles_that_are_written_by_hand(content: bytes, tmp_path: Path) -> None:
-    (tmp_path / "a.pkl").write_bytes(content)
+def test_a_pickle_that_repeats_its_contents(tmp_path: Path) -> None:
+    (tmp_path / "a.pkl").write_bytes(SHARED)
     with pytest.raises(FileFormatError, match=r"a\.pkl: "):
         pickles.load(tmp_path / "a.pkl")
+
+
+@pytest.mark.parametrize("content", [b"]r\xff\xff\xff\x7f.", b"]p99999999999\n."])
+def test_places_of_large_numbers_take_no_memory(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "a.pkl").write_bytes(content)
+    tracemalloc.start()
+    assert pickles.load(tmp_path / "a.pkl") == []
+    assert tracemalloc.get_traced_memory()[1] < 2**20
+    tracemalloc.stop()
 
 
 def test_a_large_sparse_matrix_of_few_numbers(tmp_path: Path) -> None:

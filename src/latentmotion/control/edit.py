@@ -332,17 +332,17 @@ def _supported(
     """
     lowest, level = (part[..., 1].min(axis=1) for part in (piece, generated))
     u = np.arange(1, len(piece) + 1) / (_SEAM + 1)
-    for known, near in ((before[-1:], u), (after[:1], u[::-1])):
-        for pose in known[..., 1].min(axis=1):  # what was there decays from the seam
+    for side, near in ((before[-1:], u), (after[:1], u[::-1])):
+        for pose in side[..., 1].min(axis=1):  # what was there decays from the seam
             share = 1 - quintic(np.minimum(near, 1))
             level = level + share * np.maximum(0, pose - level)
     hovers = np.maximum(0, lowest - level)
     down = np.minimum(gaussian(hovers, max(1, round(0.1 * fps))), hovers)
-    floor = min([0.0, *(known[..., 1].min() for known in (before, after) if len(known))])
+    floor = min([0.0, *(side[..., 1].min() for side in (before, after) if len(side))])
     below = np.clip(floor - lowest, 0, _WHOLE)
     inner = np.ones(len(piece))
-    for known, near in ((before, u), (after, u[::-1])):  # nothing jumps at a seam
-        inner *= quintic(np.minimum(near * _SEAM / _LIFTED, 1)) if len(known) else 1
+    for side, near in ((before, u), (after, u[::-1])):  # nothing jumps at a seam
+        inner *= quintic(np.minimum(near * _SEAM / _LIFTED, 1)) if len(side) else 1
     up = inner * upper_envelope(below, max(1, round(0.15 * fps)))
     supported = piece + (up - inner * down)[:, None, None] * (0, 1, 0)
     return lift_feet(supported, fps, skeleton, floor, inner)

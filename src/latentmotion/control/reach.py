@@ -184,8 +184,8 @@ def reach(
             joints = motion.representation.decode(features)
             after = residual(joints)
             if not settings.checked or (after**2).sum() < (missing**2).sum():
-                kept = (after**2).sum() < settings.keeps**2 * (missing**2).sum()
-                rows = rows if kept else None
+                faster = (after**2).sum() < settings.keeps**2 * (missing**2).sum()
+                rows = rows if faster else None
                 z, missing = z + step, after
                 break
             step = step / 2

@@ -32,7 +32,7 @@ from latentmotion import formats
 from latentmotion.errors import ModelError
 from latentmotion.networks.transformer import LEARNED_LENGTH, sine_rate, sines
 from latentmotion.storage.array_files import check_members
-from latentmotion.storage.pickles import PYTHON_2, ForbiddenName, RestrictedUnpickler, check_program
+from latentmotion.storage.pickles import PYTHON_2, ForbiddenName, RestrictedUnpickler
 
 PARTS = ("vae", "denoiser")
 """Networks that are converted, by the first part of their weights' names; all others are not."""
@@ -219,7 +219,6 @@ def read_with_placeholders(path: Path) -> Any:
         check_members(path, archive.infolist())
         names = [name for name in archive.namelist() if name.endswith("/data.pkl")]
         content = archive.read(names[0])
-        check_program(content)
         file = io.BytesIO(content)
         return _TensorUnpickler(file, archive, names[0].removesuffix(".pkl")).load()
 

@@ -173,11 +173,11 @@ def with_starts(
     for row, start in zip(latents, starts, strict=False):
         if start is not None:
             row[: len(start.latents)] = start.latents
-    kept = np.zeros((len(latents), 1, 1), np.float32)
-    kept[: len(starts), 0, 0] = [start.kept if start is not None else 0.0 for start in starts]
+    shares = np.zeros((len(latents), 1, 1), np.float32)
+    shares[: len(starts), 0, 0] = [start.kept if start is not None else 0.0 for start in starts]
     z0 = backend.to_device(latents)
     noised = schedule.alpha(time) * z0 + schedule.sigma(time) * batch.noise
-    return replace(batch, noise=noised, start=z0, kept=backend.to_device(kept))
+    return replace(batch, noise=noised, start=z0, kept=backend.to_device(shares))
 
 
 def batches(frames: Sequence[int], most: int, mixed: bool = True) -> list[list[int]]:

@@ -93,13 +93,13 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = Tru
 def _objects(motions: Sequence[Motion]) -> Iterator[dict[str, Any]]:
     """Yields a node without a mesh for each object that a take needs, at the middle of its top."""
     for number, motion in enumerate(motions, 1):
-        for one in motion.objects:
-            turn = np.radians(one.degrees) / 2
+        for part in motion.objects:
+            turn = np.radians(part.degrees) / 2
             yield {
-                "name": one.name if len(motions) == 1 else f"{number}: {one.name}",
-                "translation": [one.place[0], one.height, one.place[1]],
+                "name": part.name if len(motions) == 1 else f"{number}: {part.name}",
+                "translation": [part.place[0], part.height, part.place[1]],
                 "rotation": [0.0, float(np.sin(turn)), 0.0, float(np.cos(turn))],
-                "extras": one.about(),
+                "extras": part.about(),
             }
 
 

@@ -13,5 +13,5 @@ def objects_of(motion: Motion) -> tuple[ImpliedObject, ...]:
     if motion.skeleton.names != HUMANML3D.names:
         return ()
     caption = motion.caption  # a request implies more than captions claim, such as climbing
-    told = {claim.kind for claim in (*claims_of(caption), *request_of(caption).claims)}
-    return implied_objects(motion.joints, motion.fps, told)
+    kinds = {claim.kind for claim in (*claims_of(caption), *request_of(caption).claims)}
+    return implied_objects(motion.joints, motion.fps, kinds)

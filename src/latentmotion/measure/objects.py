@@ -95,10 +95,12 @@ def implied_objects(
     signals = measure(chosen / scale)
     objects = [*_seats(signals, told), *_steps(signals, told)]
     objects = [
-        replace(one, height=one.height * scale, place=(one.place[0] * scale, one.place[1] * scale))
-        for one in objects
+        replace(
+            each, height=each.height * scale, place=(each.place[0] * scale, each.place[1] * scale)
+        )
+        for each in objects
     ]
-    return tuple(sorted(objects, key=lambda one: one.start))
+    return tuple(sorted(objects, key=lambda each: each.start))
 
 
 # Meters of thigh and shank of HumanML3D's body.
@@ -134,14 +136,14 @@ def _steps(signals: Signals, told: Set[str]) -> list[ImpliedObject]:
             supports.append((side, float(np.median(height[frames])), frames, toe))
     objects: list[tuple[ImpliedObject, set[int]]] = []
     for side, height, frames, toe in sorted(supports, key=lambda support: support[2][0]):
-        found = _object("step", height, signals.joints[frames, toe], frames, signals)
-        for number, (known, sides) in enumerate(objects):
-            apart = np.hypot(*np.subtract(known.place, found.place))
-            if abs(known.height - height) < _SAME[0] and apart < _SAME[1]:
-                objects[number] = replace(known, end=found.end), sides | {side}
+        step = _object("step", height, signals.joints[frames, toe], frames, signals)
+        for number, (earlier, sides) in enumerate(objects):
+            apart = np.hypot(*np.subtract(earlier.place, step.place))
+            if abs(earlier.height - height) < _SAME[0] and apart < _SAME[1]:
+                objects[number] = replace(earlier, end=step.end), sides | {side}
                 break
         else:
-            objects.append((found, {side}))
+            objects.append((step, {side}))
     if len(objects) == 1 and len(objects[0][1]) == 2:
         return [replace(objects[0][0], kind="box")]
     return [step for step, _ in objects]

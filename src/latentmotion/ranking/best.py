@@ -169,12 +169,12 @@ def ranked(
         joints, fps = motion.joints, motion.fps
         sliding, depth = foot_sliding(joints, fps, motion.skeleton), penetration(joints)
         hovers, jerk, claims = floating(joints, fps), jitter(joints, fps), 0.0
-        kept = (after or motion).joints.astype(np.float64)
+        final = (after or motion).joints.astype(np.float64)
         # One who climbs ends above the floor, on what no motion shows.
         climbs = any(claim.kind == "climb" for claim in request.claims)
-        ends = 0.0 if climbs else float(unfinished(kept[[0, -1]], motion.skeleton).mean())
+        ends = 0.0 if climbs else float(unfinished(final[[0, -1]], motion.skeleton).mean())
         if request.claims:
-            claims = closeness(request, describe(kept))
+            claims = closeness(request, describe(final))
         off_floor = _OFF_FLOOR * (depth + hovers + ends)
         score = usual * (_CLAIMS * claims + match) + advantage
         score -= sliding + off_floor + _JERK * max(0.0, jerk - _USUAL_JERK)

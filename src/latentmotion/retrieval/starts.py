@@ -326,11 +326,11 @@ class ClipStarts:
         about = tuple(self.index.about(neighbor) for neighbor in chosen)
         rarest = min(choices, key=lambda choice: choice.support)
         support = rarest.support
-        left, kept = next(((s, k) for most, s, k in SHARES if support <= most), SHARES[-1][1:])
+        left, keep = next(((s, k) for most, s, k in SHARES if support <= most), SHARES[-1][1:])
         usual = USUAL / (USUAL + max(support, 0))
         unrelated = UNRELATED_OF_DRAWN if support == DRAWN else UNRELATED
         likely = max(rarest.cosine - unrelated, 0.0) / (1 - unrelated)
-        return ClipStart(Start(joined, left, kept), frames, about, likely * usual)
+        return ClipStart(Start(joined, left, keep), frames, about, likely * usual)
 
     def _latents(self, neighbor: Neighbor) -> Float[np.ndarray, "tokens width"]:
         """Returns the latents of a neighbor's clip, or of its mirror image."""

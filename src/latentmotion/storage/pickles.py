@@ -13,13 +13,12 @@ import io
 import math
 import operator
 import pickle
-import pickletools
 import re
 import reprlib
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -210,18 +209,25 @@ class ForbiddenName(pickle.UnpicklingError):
         self.name = name
 
 
-class RestrictedUnpickler(pickle.Unpickler):
+# The unpickler in Python: the one in C takes memory for a number before it looks what follows, and
+# cannot stop between two instructions.
+_InPython: Any = pickle._Unpickler  # type: ignore[attr-defined]
+
+
+class RestrictedUnpickler(_InPython):
     """Looks up each name of a pickle in a list, and imports nothing.
 
     Args:
-        file: The open pickle.
+        file: The pickle.
         allowed: Module and name → what the pickle gets; raises KeyError for all others.
         encoding: Of text in pickles of Python 2.
     """
 
-    def __init__(self, file: Any, allowed: Callable[[str, str], Any], encoding: str) -> None:
+    dispatch: ClassVar[dict[int, Any]] = dict(_InPython.dispatch)
+
+    def __init__(self, file: io.BytesIO, allowed: Callable[[str, str], Any], encoding: str) -> None:
         super().__init__(file, encoding=encoding)
-        self._allowed = allowed
+        self._file, self._allowed = file, allowed
 
     def find_class(self, module: str, name: str) -> Any:
         """Looks a name up.
@@ -239,9 +245,18 @@ class RestrictedUnpickler(pickle.Unpickler):
         """Refuses objects outside of the pickle.
 
         Raises:
-            ForbiddenName: Always.
+            ForbiddenName: There is one.
         """
         raise ForbiddenName(f"the outside object {pid!r}")
+
+    def load_bytearray8(self) -> None:
+        """Reads bytes that are there."""
+        size = int.from_bytes(self.read(8), "little")
+        if size > len(self._file.getbuffer()):
+            raise pickle.UnpicklingError("pickle data was truncated")
+        self.append(bytearray(self.read(size)))
+
+    dispatch[pickle.BYTEARRAY8[0]] = load_bytearray8
 
 
 def load(path: str | Path) -> Any:
@@ -255,14 +270,8 @@ def load(path: str | Path) -> Any:
             is named; nothing of it was run.
     """
     content = read_bytes(path)
-
-    def loaded() -> Any:
-        check_program(content)
-        return RestrictedUnpickler(
-            io.BytesIO(content), lambda *name: ALLOWED[name], "latin1"
-        ).load()
-
-    return plain_values(path, len(content), loaded)
+    program = RestrictedUnpickler(io.BytesIO(content), lambda *name: ALLOWED[name], "latin1")
+    return plain_values(path, len(content), program.load)
 
 
 def plain_values(path: str | Path, size: int, loaded: Callable[[], Any]) -> Any:
@@ -287,34 +296,6 @@ def plain_values(path: str | Path, size: int, loaded: Callable[[], Any]) -> Any:
     except Exception as error:  # a damaged pickle fails anywhere inside pickle and NumPy
         problem = f"no pickle of plain values, or damaged ({type(error).__name__}: {error})"
         raise FileFormatError(path, f"{problem}; download it again") from error
-
-
-def check_program(content: bytes) -> None:
-    """Checks the places in memory that a pickle takes by number, before any of it runs.
-
-    Raises:
-        UnpicklingError: One is beyond what the pickle could fill, or it is no pickle.
-    """
-    file, count = io.BytesIO(content), 0
-    while True:
-        opcode = _OPCODES.get(file.read(1))
-        if opcode is None or opcode.name == "STOP":
-            break
-        # `STRING` of Python 2 may hold any bytes, which its own reader does not take.
-        read = io.BytesIO.readline if opcode.name == "STRING" else opcode.arg and opcode.arg.reader
-        try:
-            argument = read(file) if read else None
-        except ValueError as error:
-            raise pickle.UnpicklingError(f"pickle data was truncated: {error}") from error
-        if opcode.name in _PLACES and int(argument or 0) > count:
-            raise pickle.UnpicklingError(f"it uses the place {argument} in memory too early")
-        count += 1
-    if opcode is None:
-        raise pickle.UnpicklingError("pickle data was truncated, or is none")
-
-
-_OPCODES = {opcode.code.encode("latin1"): opcode for opcode in pickletools.opcodes}
-_PLACES = ("PUT", "BINPUT", "LONG_BINPUT")
 
 
 class _Plain:

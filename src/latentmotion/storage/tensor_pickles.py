@@ -5,8 +5,7 @@
     NumPy       `.npy` and `.npz` of objects, each a pickle, in which tensors of PyTorch may lie
 
 Names are looked up in a list, as in `pickles.py`, and tensors become arrays, so that PyTorch need
-not be there. Python's own unpickler in Python is used, since the one in C cannot stop between two
-instructions.
+not be there.
 """
 
 from __future__ import annotations
@@ -28,8 +27,8 @@ from latentmotion.storage import limits
 from latentmotion.storage.array_files import DAMAGE, check_members
 from latentmotion.storage.pickles import (
     ALLOWED,
-    PYTHON_2,
     ForbiddenName,
+    RestrictedUnpickler,
     StandInArray,
     StandInType,
     plain_values,
@@ -199,39 +198,25 @@ _NAMES: dict[tuple[str, str], Any] = {
 }
 
 
-_InPython: Any = pickle._Unpickler  # type: ignore[attr-defined]
-
-
-class _Unpickler(_InPython):
+class _Unpickler(RestrictedUnpickler):
     """Reads a pickle whose arrays may lie outside of it or between its instructions.
 
     Args:
-        file: The pickle.
-        stored: Key of a storage of PyTorch → its bytes; by default there are none.
+        file: The pickle, and what follows it.
+        stored: Returns the bytes of a storage of PyTorch by its name; None where there are none.
     """
 
-    dispatch: ClassVar[dict[int, Any]] = dict(_InPython.dispatch)
+    dispatch: ClassVar[dict[int, Any]] = dict(RestrictedUnpickler.dispatch)
 
     def __init__(self, file: io.BytesIO, stored: Callable[[str], bytes] | None = None) -> None:
-        super().__init__(file, encoding="latin1")
-        self._file, self._stored = file, stored
-
-    def find_class(self, module: str, name: str) -> Any:
-        """Looks a name up.
-
-        Raises:
-            ForbiddenName: It is not allowed.
-        """
-        stand_in = _NAMES.get((PYTHON_2.get(module, module), name))
-        if stand_in is None:
-            raise ForbiddenName(f"{module}.{name}")
-        return stand_in
+        super().__init__(file, lambda *name: _NAMES[name], "latin1")
+        self._stored = stored
 
     def persistent_load(self, pid: Any) -> Any:
         """Returns a storage of PyTorch.
 
         Raises:
-            ForbiddenName: It is anything else.
+            ForbiddenName: It is something else.
         """
         if self._stored is None or not isinstance(pid, tuple) or pid[0] != "storage":
             raise ForbiddenName(f"the outside object {pid!r}")
@@ -243,12 +228,4 @@ class _Unpickler(_InPython):
         if isinstance(self.stack[-1], _JoblibArray):
             self.stack[-1] = self.stack[-1].read(self._file)
 
-    def load_bytearray8(self) -> None:
-        """Reads bytes; Python's own would take memory before it looks whether they are there."""
-        size = int.from_bytes(self.read(8), "little")
-        if size > len(self._file.getbuffer()):
-            raise pickle.UnpicklingError("pickle data was truncated")
-        self.append(bytearray(self.read(size)))
-
     dispatch[pickle.BUILD[0]] = load_build
-    dispatch[pickle.BYTEARRAY8[0]] = load_bytearray8

@@ -245,7 +245,7 @@ def marks_of(motion: Motion) -> dict[str, Any]:
         and _is_number(span.get("end"))
         and 0 <= span["start"] < span["end"] <= motion.seconds + 1
     ]
-    boxes = [{"name": one.name, **one.about()} for one in motion.objects]
+    boxes = [{"name": each.name, **each.about()} for each in motion.objects]
     kinds = {"goals": points, "path": path, "poses": poses, "spans": spans, "boxes": boxes}
     return {name: marks[:_MOST_MARKS] for name, marks in kinds.items() if marks}
 

@@ -196,8 +196,8 @@ def _read_files(folder: Path) -> tuple[list[list[str]], Mapping[str, Any], Any]:
     for path in (folder / NAMES_FILE, folder / FRAMES_FILE, folder / ACTIONS_FILE):
         if not path.is_file():
             raise DataError(
-                f"no file {path}; the folder should hold {NAMES_FILE}, {FRAMES_FILE}, {ACTIONS_FILE} "
-                f"and {POSES}, from {UESTC.url}"
+                f"no file {path}; the folder should hold {NAMES_FILE}, {FRAMES_FILE}, "
+                f"{ACTIONS_FILE} and {POSES}, from {UESTC.url}"
             )
         try:
             texts.append(read_text(path).splitlines())

@@ -385,7 +385,7 @@ class QuantizedVAE(ConvolutionalVAE):
         self, indices: Int[Tensor, "batch tokens some"]
     ) -> Float[Tensor, "batch tokens channels"]:
         """Returns the sums of codes of the first codebooks; fewer than all make it coarse."""
-        codes = [book[one] for book, one in zip(self.codebooks, indices.unbind(-1), strict=False)]
+        codes = [book[row] for book, row in zip(self.codebooks, indices.unbind(-1), strict=False)]
         return torch.stack(codes).sum(dim=0)
 
     def _nearest(self, x: Tensor) -> Tensor:
