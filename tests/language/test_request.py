@@ -37,6 +37,8 @@ from latentmotion.language.reading import (
         ("from sitting to standing", Claim("stand_up")),
         ("four star jumps", Claim("jack", count=4)),
         ("sit on the floor", Claim("floor")),
+        ("someone enters the room", Claim("walk")),
+        ("go to the door", Claim("walk")),
         ("retreating without turning around", Claim("move", direction="backward")),
         ("take one step forward", Claim("move", direction="forward", count=1)),
     ],

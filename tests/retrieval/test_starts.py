@@ -97,6 +97,12 @@ def test_who_walks_first_starts_from_a_walk(fast):
     assert "walk" in clips[0][0]["caption"] and "salute" in clips[0][1]["caption"]
 
 
+def test_a_recording_starts_after_its_calibration(fast):
+    motion = fast.batch("a person walks to a chair and sits down", seeds=[0])[0]
+    across = motion.joints[0, 20] - motion.joints[0, 21]  # between the wrists
+    assert np.linalg.norm(across[[0, 2]]) < 0.9
+
+
 def test_a_clip_is_no_longer_than_its_act_usually_is(fast):
     long, given = fast.batch(["a person drinks"] * 2, [None, 7.0], [0, 0])
     assert (len(long), len(given)) == (80, 140)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.arrays import prefix_mask
+from latentmotion.arrays import prefix_mask, unit
 from latentmotion.condition import TextEncoder
 from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.engine.backend import FeatureEncoder
@@ -35,6 +35,7 @@ from latentmotion.retrieval.index import (
     RARE,
     SHOWN,
     ClipIndex,
+    IndexedCaption,
     Neighbor,
 )
 
@@ -68,6 +69,10 @@ LONGEST_STRETCH = 1.4
 # Meters from which a clip goes somewhere; seconds of a walk before another act; captions among
 # which one is looked for.
 _WAY, _WALKS, _CAPTIONS_OF_WALKS = 1.2, (1.8, 4.0), 100
+
+# Cosine of both upper limbs with the line between the shoulders, and seconds of it at the start,
+# from which a recording begins with a calibration.
+_HELD_OUT, _CALIBRATION = 0.6, 0.3
 
 
 @dataclass(frozen=True)
@@ -210,11 +215,28 @@ class ClipStarts:
 
     def _goes(self, neighbor: Neighbor) -> bool:
         """Whether a clip goes some way over the floor."""
-        latents = self.index.latents_of(neighbor.caption)
+        joints = self.representation.decode(self._features(neighbor.caption))
+        return float(np.linalg.norm(np.diff(joints[:, 0, ::2], axis=0), axis=-1).sum()) > _WAY
+
+    def _features(self, caption: IndexedCaption) -> Float[np.ndarray, "frames features"]:
+        latents = self.index.latents_of(caption)
         frames = len(latents) * (self.card.latents.frames_per_token or 1)
-        features = self.decode(latents[None], prefix_mask([frames]))[0]
-        root = self.representation.decode(features)[:, 0, ::2]
-        return float(np.linalg.norm(np.diff(root, axis=0), axis=-1).sum()) > _WAY
+        return self.decode(latents[None], prefix_mask([frames]))[0]
+
+    def _calibrates(self, features: Float[np.ndarray, "frames features"]) -> int:
+        """Returns how many tokens a recording begins with both arms held out, for calibration."""
+        names = list(self.representation.skeleton.names)
+        joints, out = self.representation.decode(features), np.ones(len(features), bool)
+        for side, other in (("left", "right"), ("right", "left")):
+            shoulder, across, wrist = (
+                joints[:, names.index(name)]
+                for name in (f"{side}_shoulder", f"{other}_shoulder", f"{side}_wrist")
+            )
+            out &= (unit(wrist - shoulder) * unit(shoulder - across)).sum(axis=-1) > _HELD_OUT
+        frames = int(np.argmin(out)) if not out.all() else 0
+        per_token = self.card.latents.frames_per_token or 1
+        usual = frames >= _CALIBRATION * self.representation.fps and 2 * frames < len(features)
+        return -(-frames // per_token) if usual else 0
 
     def _choice(self, sentence: str) -> Choice:
         versions = (self._sides(text) for text in lookups(sentence))
@@ -335,11 +357,14 @@ class ClipStarts:
     def _latents(self, neighbor: Neighbor) -> Float[np.ndarray, "tokens width"]:
         """Returns the latents of a neighbor's clip, or of its mirror image."""
         latents = self.index.latents_of(neighbor.caption)
-        if not neighbor.mirrored:
+        recorded = neighbor.caption.support > SHOWN
+        if not (neighbor.mirrored or recorded):
             return latents
-        frames = len(latents) * (self.card.latents.frames_per_token or 1)
-        features = self.decode(latents[None], prefix_mask([frames]))[0]
-        return self.encoder(self.representation.mirror(features))[: len(latents)]
+        features = self._features(neighbor.caption)
+        begin = self._calibrates(features) if recorded else 0
+        if neighbor.mirrored:
+            latents = self.encoder(self.representation.mirror(features))[: len(latents)]
+        return latents[begin:]
 
 
 def _most_beside(drawn: Neighbor, nearest: bool) -> float:
