@@ -16,14 +16,12 @@ from latentmotion.cli import options
 from latentmotion.cli.loading import load_generator, load_prior
 from latentmotion.errors import InputError
 from latentmotion.formats.engines import ENGINES, EngineName, for_engine
-from latentmotion.kinematics import smpl
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_or_download, read_card
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
 from latentmotion.ranking.best import usual_takes
-from latentmotion.representation.smpl import representation_of
 from latentmotion.storage.files import cache_folder, read_lines
 from latentmotion.storage.reading import read_text
 
@@ -336,7 +334,12 @@ class Generate:
         """Loads the model and generates the motions."""
         execution, sampling, directing = self.execution, self.sampling, self.directing
         computing = execution.execution
-        body = representation_of(smpl.load_smpl(execution.body)) if execution.body else None
+        body = None
+        if execution.body:
+            from latentmotion.kinematics.smpl import load_smpl
+            from latentmotion.representation.smpl import representation_of
+
+            body = representation_of(load_smpl(execution.body))
         steps, threads = self.clean_up.steps(), execution.threads
         if sampling.prior:
             prior = load_prior(self.model, execution.runtime, threads, computing)

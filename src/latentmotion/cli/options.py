@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 from tyro.conf import Positional, UseAppendAction, arg
 
@@ -16,12 +16,13 @@ from latentmotion import formats
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine.backend import ExecutionOptions, Launch, Precision
 from latentmotion.errors import InputError
-from latentmotion.evaluation.protocol import ProtocolName
 from latentmotion.kinematics.humanoid import load_joint_map
 from latentmotion.kinematics.standing import METERS_PER_UNIT, NOTHING, Stated
 from latentmotion.motion import Motion
 from latentmotion.storage.files import check_writable
-from latentmotion.storage.shards import ShardSubset
+
+if TYPE_CHECKING:
+    from latentmotion.storage.shards import ShardSubset
 
 Output = Annotated[Path, arg(aliases=["-o"])]
 """File or folder to write; the verb says which."""
@@ -62,8 +63,9 @@ Evaluator = Annotated[
     ),
 ]
 
+# Named here: the protocols' own module would load data sets for every command.
 ProtocolChoice = Annotated[
-    ProtocolName,
+    Literal["clean", "paper"],
     arg(help="Protocol: clean, or paper for that of the authors' code, quirk by quirk."),
 ]
 
@@ -248,6 +250,8 @@ def share_of(shard: str | None, dask: str | None) -> ShardSubset:
     Raises:
         InputError: There is no such part, or a cluster shares the work out already.
     """
+    from latentmotion.storage.shards import ShardSubset
+
     if shard and dask:
         raise InputError("give either --shard or --dask, not both")
     return ShardSubset.parse(shard) if shard else ShardSubset()
