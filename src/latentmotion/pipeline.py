@@ -454,17 +454,14 @@ class MotionPipeline(PickledByFields):
                 [TAKE_QUANTILES[take % len(TAKE_QUANTILES)] for take in range(takes)],
             )
             if goals and clean_up is not None and clean_up.floor:
-                raw = [replace(candidate, motion=_landed(candidate)) for candidate in raw]
+                raw = [replace(take, motion=_landed(take)) for take in raw]
             return raw, best.ranked(
-                [candidate.motion for candidate in raw],
+                [take.motion for take in raw],
                 (raw[0].reading or self.read(prompt)).prompt,
                 compared,
                 clean_up,
-                [candidate.corrections for candidate in raw],
-                [
-                    candidate.start.advantage if candidate.start and not goals else 0.0
-                    for candidate in raw
-                ],
+                [take.corrections for take in raw],
+                [take.start.advantage if take.start and not goals else 0.0 for take in raw],
             )
 
         def finished(raw: Sequence[RawMotion], take: Take) -> Take:
@@ -566,9 +563,8 @@ class MotionPipeline(PickledByFields):
             takes = zip(prompts, lengths, seeds, starting, strict=True)
             return [self._directed(*take, sampling, goals) for take in takes]
         readings = {prompt: self.read(prompt) for prompt in dict.fromkeys(prompts)}
-        translated = {p: str(english) for p in readings if (english := in_english(p))}
         said = [note for reading in readings.values() for note in reading.notes()]
-        for note in dict.fromkeys([*translated.values(), *said]):
+        for note in dict.fromkeys(said):
             warnings.warn(note, DoubtWarning, stacklevel=3)
         sentences = [readings[prompt].prompt for prompt in prompts]
         free = [length is None for length in lengths]
@@ -587,32 +583,28 @@ class MotionPipeline(PickledByFields):
             request = replace(request, frames=tuple(frames), starts=begun)
         joints = self._in_batches(request, lambda part: self.joints_of(self.generate_batch(part)))
         settings = {"steps": sampling.steps, "guidance": sampling.guidance, **card.terms()}
-        corrections = [NO_CORRECTIONS] * count
-        if card.condition.reads_text:
-            pairs = [(readings[p].sentence, any_) for p, any_ in zip(prompts, free, strict=True)]
-            exact = {pair: asked_exactly(*pair) for pair in dict.fromkeys(pairs)}
-            corrections = [exact[pair] for pair in pairs]
         raw = []
-        for positions, prompt, seed, correction, start, any_length in zip(
-            joints, prompts, seeds, corrections, starts, free, strict=True
+        for positions, prompt, seed, start, any_length in zip(
+            joints, prompts, seeds, starts, free, strict=True
         ):
-            # A clip has its own timing; slowed down where it is calm, it would lack its end.
-            longest = card.frames[1] if any_length else 0
-            correction = replace(
-                correction,
-                sharpens=True,
-                settles=start is None,
-                longest=longest,
-                on_floor=start is None and stays_on_floor(readings[prompt].sentence),
-            )
+            correction = self._corrections(readings[prompt].sentence, any_length, start)
             about = {"model": card.name, "seed": seed, **settings, **correction.about()}
             about |= readings[prompt].about() | (start.about() if start else {})
-            if prompt in translated:
-                about["notes"] = [translated[prompt], *about.get("notes", [])]
             positions = positions.astype(np.float32, copy=False)
             motion = Motion(positions, space.fps, space.skeleton, prompt, about)
             raw.append(RawMotion(motion, correction, start=start, reading=readings[prompt]))
         return raw
+
+    def _corrections(self, sentence: str, any_length: bool, start: ClipStart | None) -> Corrections:
+        reads = self.card.condition.reads_text
+        return replace(
+            asked_exactly(sentence, any_length) if reads else NO_CORRECTIONS,
+            sharpens=True,
+            # A clip has its own timing; slowed down where it is calm, it would lack its end.
+            settles=start is None,
+            longest=self.card.frames[1] if any_length else 0,
+            on_floor=start is None and stays_on_floor(sentence),
+        )
 
     def _directed(
         self,
@@ -658,10 +650,9 @@ class MotionPipeline(PickledByFields):
             return Reading(prompt)
         translation = in_english(prompt)
         sentence = translation.english if translation else prompt
-        if clips is None:
-            return Reading.of(sentence)
         with silent_of_unknown():  # words that the denoiser need not read
-            return clips.doubts.read(sentence)
+            reading = clips.doubts.read(sentence) if clips else Reading.of(sentence)
+        return replace(reading, translation=str(translation)) if translation else reading
 
     @cached_property
     def clip_starts(self) -> ClipStarts | None:

@@ -14,10 +14,12 @@ import warnings
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint, EntryPoints
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 Group = Literal[
     "latentmotion.data_sources",
@@ -73,6 +75,19 @@ def registered(name: str) -> Callable[..., Any]:
     """Returns the function that was registered by a name."""
     module, _, function = _FUNCTIONS[name].partition(":")
     return getattr(import_module(module), function)
+
+
+def entries(table: dict[str, F]) -> Callable[..., Callable[[F], F]]:
+    """Returns a decorator, called with names, that enters a function of a module in its table."""
+
+    def named(*names: str) -> Callable[[F], F]:
+        def enter(function: F) -> F:
+            table.update(dict.fromkeys(names, function))
+            return function
+
+        return enter
+
+    return named
 
 
 _FUNCTIONS: dict[str, str] = {}

@@ -11,6 +11,7 @@ from latentmotion.language.claims import SLIGHT, Claim, kinds, related
 from latentmotion.language.reading import claims_of
 from latentmotion.measure.facts import BOTH, LEFT, RIGHT, Description, Event
 from latentmotion.measure.whole_body import FAST, SLOW
+from latentmotion.plugins import entries
 
 Verdict = Literal["agrees", "contradicts", "silent"]
 
@@ -141,14 +142,8 @@ def frames_for(claim: Claim, description: Description) -> tuple[int, int] | None
     return (events[0].start, max(event.end for event in events)) if events else None
 
 
-def _checks(*names: str) -> Callable[[Check], Check]:
-    """Registers the check of some kinds of claims."""
-
-    def register(function: Check) -> Check:
-        _CHECKS.update(dict.fromkeys(names, function))
-        return function
-
-    return register
+_checks = entries(_CHECKS)
+"""Registers the check of some kinds of claims."""
 
 
 @_checks(*_GAITS, "move")

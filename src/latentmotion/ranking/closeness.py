@@ -16,6 +16,7 @@ from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, Event
 from latentmotion.measure.scene import Measured, lasting, meters
 from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stillness, stooped
+from latentmotion.plugins import entries
 from latentmotion.ranking.agreement import check_claim, events_for
 
 _GAITS = kinds("gait")
@@ -52,14 +53,8 @@ def closeness(request: Request, scene: Measured) -> float:
     return float(np.mean(grades)) if grades else 0.0
 
 
-def _grades(*names: str) -> Callable[[Grade], Grade]:
-    """Registers the grade of some kinds of claims."""
-
-    def register(function: Grade) -> Grade:
-        _GRADES.update(dict.fromkeys(names, function))
-        return function
-
-    return register
+_grades = entries(_GRADES)
+"""Registers the grade of some kinds of claims."""
 
 
 def _ramp(value: float, worst: float, best: float) -> float:

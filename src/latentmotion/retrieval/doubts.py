@@ -78,6 +78,8 @@ class Reading:
     """What the model does not know of it."""
     caption: str | None = None
     """The sentence in words of captions, where its own are far from them."""
+    translation: str = ""
+    """What was understood of a sentence in another language."""
 
     @property
     def prompt(self) -> str:
@@ -86,7 +88,8 @@ class Reading:
 
     def notes(self) -> list[str]:
         """Returns what to tell whoever typed it, a line each."""
-        read = [f'read "{wrong}" as "{right}"' for wrong, right in self.corrections]
+        read = [self.translation] if self.translation else []
+        read += [f'read "{wrong}" as "{right}"' for wrong, right in self.corrections]
         if self.negated:
             read.append(f'read as "{self.sentence}": what is not to happen is left out')
         return [*read, str(self.doubt)] if self.doubt else read

@@ -314,13 +314,7 @@ class _Body:
         marks = [*self.points.values(), *self.vectors]
         links, local = np.array([link for link, _ in marks]), np.array([at for _, at in marks])
         is_point = (np.arange(len(marks)) < len(names))[:, None].astype(float)
-        compared = np.zeros((2 + len(bones) + 4, len(marks)))
-        for row, side in enumerate(SIDES):
-            compared[row, names.index(f"{side}_ankle")] = _ANKLE
-        for row, (begin, end) in enumerate(bones, 2):
-            weight = _THIGH if "knee" in end else _ARM
-            compared[row, [names.index(begin), names.index(end)]] = -weight, weight
-        compared[-4:, len(names) : len(names) + 4] = _AXIS * np.eye(4)
+        compared = _compared(bones, names, len(marks))
         wanted_all = [*ankles, *(wanted[pair] for pair in bones), *axes]
         scales = np.abs(compared).max(axis=1)
         goal = np.stack([k * target.T for k, target in zip(scales, wanted_all, strict=True)])
@@ -370,6 +364,20 @@ class _Body:
             if np.abs(q - before).max() < _STILL:
                 break
         return q, float(np.linalg.norm(error, axis=1).mean())
+
+
+def _compared(
+    bones: list[tuple[str, str]], names: list[str], marks: int
+) -> Float[np.ndarray, "rows marks"]:
+    """Returns the weights of points and vectors in what is compared: ankles, bones, axes."""
+    compared = np.zeros((2 + len(bones) + 4, marks))
+    for row, side in enumerate(SIDES):
+        compared[row, names.index(f"{side}_ankle")] = _ANKLE
+    for row, (begin, end) in enumerate(bones, 2):
+        weight = _THIGH if "knee" in end else _ARM
+        compared[row, [names.index(begin), names.index(end)]] = -weight, weight
+    compared[-4:, len(names) : len(names) + 4] = _AXIS * np.eye(4)
+    return compared
 
 
 _body = lru_cache(8)(_Body)

@@ -14,6 +14,7 @@ import numpy as np
 
 from latentmotion.data.instructions import Instruction, parse, refused_captions
 from latentmotion.measure.facts import BOTH, LEFT, RIGHT, SingleAction
+from latentmotion.plugins import entries
 from latentmotion.training.captioning.prompting import prompts, prompts_in_order
 
 SHARES = {
@@ -114,14 +115,8 @@ _GROUPS: dict[str, Draw] = {
 }
 
 
-def _group(name: str) -> Callable[[Draw], Draw]:
-    """Registers what draws the instructions of a group."""
-
-    def register(draw: Draw) -> Draw:
-        _GROUPS[name] = draw
-        return draw
-
-    return register
+_group = entries(_GROUPS)
+"""Registers what draws the instructions of a group."""
 
 
 def drawn_instructions(count: int, seed: int) -> list[Instruction]:

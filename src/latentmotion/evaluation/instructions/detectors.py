@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float
 
 from latentmotion.data.instructions import Check, Term
 from latentmotion.errors import InputError, hint
+from latentmotion.plugins import entries
 
 FPS = 20.0
 """Frames per second of all motions."""
@@ -267,14 +268,8 @@ def _act(name: str, of_sides: bool = False) -> Callable[[Detector], Detector]:
     return register
 
 
-def _condition(name: str) -> Callable[[ConditionTest], ConditionTest]:
-    """Registers a condition."""
-
-    def register(holds: ConditionTest) -> ConditionTest:
-        CONDITIONS[name] = holds
-        return holds
-
-    return register
+_condition = entries(CONDITIONS)
+"""Registers a condition."""
 
 
 def fulfills(body: Body, check: Check) -> bool:

@@ -17,6 +17,7 @@ from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event, Sin
 from latentmotion.measure.scene import Measured, highest_hand, in_place, meters, reportable_kinds
 from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stillness, stooped
+from latentmotion.plugins import entries
 
 Check = Callable[[SingleAction, Measured], SingleAction | None]
 """Returns an action as a window shows it; None where the window does not show it."""
@@ -43,14 +44,8 @@ CHECKS: dict[str, Check] = {}
 """Checks by kind of action; `strictness` adds those of acts and postures."""
 
 
-def checks(*kinds: str) -> Callable[[Check], Check]:
-    """Registers the check of some kinds of actions."""
-
-    def register(function: Check) -> Check:
-        CHECKS.update(dict.fromkeys(kinds, function))
-        return function
-
-    return register
+checks = entries(CHECKS)
+"""Registers the check of some kinds of actions."""
 
 
 def _is_upright(scene: Measured) -> bool:
