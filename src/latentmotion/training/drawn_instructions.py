@@ -7,8 +7,10 @@ benchmark's list, nor the mirror image of one.
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -17,65 +19,15 @@ from latentmotion.measure.facts import BOTH, LEFT, RIGHT, SingleAction
 from latentmotion.plugins import entries
 from latentmotion.training.captioning.prompting import prompts, prompts_in_order
 
-SHARES = {
-    "side": 0.24, "turns": 0.24, "counts": 0.24, "order": 0.16, "pace": 0.03, "posture": 0.03,
-    "direction": 0.04, "action": 0.02,
-}  # fmt: skip
+_TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+
+SHARES: dict[str, float] = _TABLE["shares"]
 """Share of each group."""
 
 _SIDE_WORDS = re.compile(r"\b(?:left|right|(?:anti|counter-?)?clockwise)\b", re.IGNORECASE)
 _ONCE = re.compile(r"\b(?:once|one time|one|single)\b", re.IGNORECASE)
 _SOME = re.compile(r"\ba few\b", re.IGNORECASE)
 _OFTEN = re.compile(r"\b(?:several|again and again|repeatedly|over and over)\b", re.IGNORECASE)
-
-# Acts of one side by the kind of action.
-_ACTS = {
-    "kick": "kick", "punch": "punch", "wave": "wave", "raise": "raise", "knee": "knee_up",
-    "hop": "hop", "balance": "one_leg", "touch_head": "touch",
-}  # fmt: skip
-
-# Act and highest count by the kind of action.
-_COUNTED = {
-    "jump": ("jump", 4), "hop": ("hop", 4), "kick": ("kick", 3), "punch": ("punch", 4),
-    "squat": ("squat", 3), "jack": ("jack", 4), "bow": ("bend", 3), "clap": ("clap", 4),
-    "knee": ("knee_up", 4), "raise": ("raise", 3),
-}  # fmt: skip
-
-# Degrees in the prompt, and the range that fulfills it.
-_ANGLES = {45: (25, 75), 90: (60, 120), 180: (130, 230), 360: (290, 430), 720: (500, 4000)}
-
-# Acts that can follow each other, by the kind of action.
-_IN_ORDER = {
-    "walk": "walk", "run": "run", "stand": "halt", "jump": "jump", "kick": "kick", "punch": "punch",
-    "wave": "wave", "raise": "raise", "sit_down": "sit", "squat": "squat", "bow": "bend",
-    "pick_up": "reach_down", "lie_down": "lie", "crouch": "crouch", "turn": "turn",
-}  # fmt: skip
-
-_PACES = {
-    ("walk", "slow"): "travel(0.3) & speed(0.1, 0.9)",
-    ("walk", "normal"): "travel(1) & speed(0.5, 1.8)",
-    ("walk", "fast"): "travel(1.5) & speed(1.35, 2.6)",
-    ("jog", "normal"): "travel(2) & speed(1.6, 4)",
-    ("run", "normal"): "travel(2) & speed(2, 9)",
-    ("run", "fast"): "travel(2) & speed(2.8, 11)",
-}
-
-# Checks of actions without a parameter.
-_PLAIN = {
-    "posture": {
-        "sit_down": "sit", "sit_floor": "sit_floor", "lie_down": "lie", "kneel": "kneel",
-        "crouch": "crouch", "bow": "bend", "pick_up": "reach_down", "crawl": "crawl",
-        "stand_up": "sit > stand", "get_up": "low > stand",
-    },
-    "action": {
-        "jump": "jump", "clap": "clap(1, 99)", "jack": "jack(1, 99)", "arms_out": "arms_out",
-        "hands_on_hips": "hands_on_hips", "stand": "still(0.7)",
-    },
-    "pace": {
-        "march": "in_place(0.8) & lift_feet(3, 99)",
-        "jog_in_place": "in_place(0.8) & lift_feet(4, 99)",
-    },
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -156,10 +108,10 @@ def _side(generator: np.random.Generator) -> _Asked:
     side = str(_pick(generator, (LEFT, RIGHT)))
     if generator.random() < 0.2:
         return _turned(side, int(generator.choice([60, 90])), "turn({side}, 30, 200)", generator)
-    kind = str(_pick(generator, [*_ACTS, "kick", "punch", "wave", "hop"]))
+    kind = str(_pick(generator, [*_TABLE["sided"], "kick", "punch", "wave", "hop"]))
     often = "" if kind in ("raise", "wave", "balance", "touch_head") else "{often}"
     place = ", head" if kind == "touch_head" else ""
-    return _Asked((_action(kind, side=side),), f"{_ACTS[kind]}({{side}}{place}{often})")
+    return _Asked((_action(kind, side=side),), f"{_TABLE['sided'][kind]}({{side}}{place}{often})")
 
 
 def _turned(side: str, degrees: int, check: str, generator: np.random.Generator) -> _Asked:
@@ -176,8 +128,8 @@ def _turns(generator: np.random.Generator) -> _Asked:
     )
     gait = "walk" if generator.random() < 0.7 else "jog"
     if kind == "turn":
-        degrees = int(generator.choice(list(_ANGLES), p=[0.15, 0.3, 0.25, 0.2, 0.1]))
-        least, most = _ANGLES[degrees]
+        degrees = int(generator.choice(_TABLE["angles"]["degrees"], p=_TABLE["angles"]["shares"]))
+        least, most = _TABLE["angles"]["fulfilled"][_TABLE["angles"]["degrees"].index(degrees)]
         return _turned(side, degrees, f"turn({{side}}, {least}, {most})", generator)
     far, (least, most) = 1, (120, 240)
     if kind == "circle":
@@ -191,13 +143,13 @@ def _turns(generator: np.random.Generator) -> _Asked:
 
 @_group("counts")
 def _counts(generator: np.random.Generator) -> _Asked:
-    kind = str(_pick(generator, [*_COUNTED, "jump", "kick", "punch", "steps", "steps"]))
+    kind = str(_pick(generator, [*_TABLE["counted"], "jump", "kick", "punch", "steps", "steps"]))
     if kind == "steps":
         count, way = int(generator.integers(1, 6)), str(_pick(generator, ("forward", "backward")))
         action = _action("steps", count=count, direction=way)
         far = f"{0.15 * count:.2f}"
         return _Asked((action,), f"step({{steps}}) & move({way}, {far})")
-    name, most = _COUNTED[kind]
+    name, most = _TABLE["counted"][kind]
     count = int(generator.integers(1, most + 1))
     if kind in ("jump", "squat", "jack", "bow", "clap"):
         return _Asked((_action(kind, count=count),), f"{name}({{count}})")
@@ -220,7 +172,7 @@ def _orders(generator: np.random.Generator) -> _Asked:
         kind = "walk" if "forward" in directions else "steps"
         both = tuple(_action(kind, direction=way, pace="normal") for way in directions)
         return _Asked(both, " > ".join(f"go({way})" for way in directions))
-    kinds = [*_IN_ORDER, "walk", "walk", "run", "jump", "kick", "punch", "wave", "turn"]
+    kinds = [*_TABLE["in_order"], "walk", "walk", "run", "jump", "kick", "punch", "wave", "turn"]
     first, other = str(_pick(generator, kinds)), str(_pick(generator, kinds))
     if first == other or {first, other} == {"stand", "turn"} or first in ("lie_down", "sit_down"):
         return _orders(generator)
@@ -230,7 +182,7 @@ def _orders(generator: np.random.Generator) -> _Asked:
 
 def _ordered(kind: str, generator: np.random.Generator) -> tuple[SingleAction, str]:
     """Returns an action as a part of two, and its term."""
-    name = _IN_ORDER[kind]
+    name = _TABLE["in_order"][kind]
     if kind in ("kick", "punch", "wave", "raise"):
         side = str(_pick(generator, (LEFT, RIGHT) if kind != "raise" else (LEFT, RIGHT, BOTH)))
         return _action(kind, side=side), f"{name}({side})"
@@ -246,8 +198,10 @@ def _ordered(kind: str, generator: np.random.Generator) -> tuple[SingleAction, s
 def _paces(generator: np.random.Generator) -> _Asked:
     if generator.random() < 0.2:
         return _plain("pace", generator)
-    kind, pace = key = list(_PACES)[int(generator.integers(len(_PACES)))]
-    return _Asked((_action(kind, pace=pace, direction="forward"),), _PACES[key])
+    paces = _TABLE["paces"]
+    key = list(paces)[int(generator.integers(len(paces)))]
+    kind, pace = key.split("-")
+    return _Asked((_action(kind, pace=pace, direction="forward"),), paces[key])
 
 
 @_group("direction")
@@ -263,5 +217,5 @@ def _directions(generator: np.random.Generator) -> _Asked:
 
 
 def _plain(group: str, generator: np.random.Generator) -> _Asked:
-    kind = str(_pick(generator, _PLAIN[group]))
-    return _Asked((_action(kind),), _PLAIN[group][kind])
+    kind = str(_pick(generator, _TABLE["plain"][group]))
+    return _Asked((_action(kind),), _TABLE["plain"][group][kind])

@@ -23,17 +23,6 @@ import numpy as np
 from latentmotion.language.words import inflect, plain
 from latentmotion.measure.facts import LEFT, RIGHT, SingleAction
 
-# Limb of acts with one side, and patterns for one side A and then the other, B.
-_LIMBS = {
-    "kick": ("leg", ("~kick with <the> A LIMB, then with the B", "~kick A, then B")),
-    "punch": ("hand", ("~punch with <the> A LIMB, then with the B", "~punch A, then B")),
-    "wave": ("hand", ("~wave <the> A LIMB, then the B",)),
-    "raise": ("hand", ("~raise <the> A LIMB, then the B", "~lift <the> A LIMB, then the B")),
-    "knee": ("knee", ("~raise <the> A LIMB, then the B", "~lift <the> A LIMB, then the B")),
-    "hop": ("leg", ("~hop on <the> A LIMB, then on the B",)),
-    "balance": ("leg", ("~stand on <the> A LIMB, then on the B",)),
-}
-
 # Kinds of actions that go in a direction.
 _DIRECTED = ("walk", "jog", "run", "jump", "steps")
 
@@ -57,33 +46,19 @@ class Subject:
         return self.name == "they"
 
 
+SUBJECTS = tomllib.loads(
+    files("latentmotion.training.captioning").joinpath("subjects.toml").read_text("utf-8")
+)
+"""Subjects of sentences and forms of prompts."""
+
 _HE, _SHE, _THEY = ("his", "him", "he"), ("her", "her", "she"), ("their", "them", "they")
 _PEOPLE = {
-    **dict.fromkeys(("a person", "the person", "someone", "somebody", "they"), _THEY),
-    **dict.fromkeys(("a man", "the man", "he", "this guy", "a guy", "the boy", "a boy"), _HE),
-    **dict.fromkeys(("a woman", "the woman", "she", "a girl", "the girl", "a lady"), _SHE),
-    **dict.fromkeys(("the figure", "the character", "a figure", "a character"), _THEY),
-    **dict.fromkeys(("the kid", "a child", "a kid", "a player", "a dancer", "our hero"), _THEY),
+    name: {"they": _THEY, "he": _HE, "she": _SHE}[pronoun]
+    for pronoun, *names in SUBJECTS["people"]
+    for name in names
 }
-_COMMON = (
-    "a person",
-    "a person",
-    "a person",
-    "someone",
-    "a man",
-    "a woman",
-    "the person",
-    "he",
-    "she",
-)
 _MASCULINE = re.compile(r"\b(?:man|businessman|grandpa|knight|butler|monk)\b")
 _FEMININE = re.compile(r"\b(?:woman|grandma|girl)\b")
-
-# Shares of the forms of a sentence about one action, in percent.
-_FORMS = {"order": 34, "third": 27, "is": 8, "doing": 7, "participle": 9, "noun": 13, "past": 2}
-
-# Words that users put before "a man turning left".
-_SHOWN = ("show", "show me", "animate", "an animation of", "a video of")
 
 _CLOSED = re.compile(r"\[([^\[\]]*)\]")
 # Phrases that the grammar allows but nobody types, such as "keeping hopping".
@@ -147,8 +122,8 @@ def contrasted(first: SingleAction, second: SingleAction) -> Sequence[str]:
     """Returns patterns that name the act once: "kick with the left leg, then with the right"."""
     if first.kind != second.kind or max(first.count, second.count) > 1:
         return ()
-    if first.kind in _LIMBS and {first.side, second.side} == {LEFT, RIGHT}:
-        limb, texts = _LIMBS[first.kind]
+    if first.kind in SUBJECTS["limbs"] and {first.side, second.side} == {LEFT, RIGHT}:
+        limb, *texts = SUBJECTS["limbs"][first.kind]
         named = [text.replace("LIMB", limb) for text in texts]
         named += [f"{text.replace('LIMB', limb)} {limb}" for text in texts if "LIMB" in text]
         return [
@@ -197,7 +172,7 @@ def _different(draw: Callable[[], str], count: int, refused: frozenset[str]) -> 
 
 def _single(words: Wording, generator: np.random.Generator) -> str:
     """One action in a form drawn at random."""
-    form = _draw_share(generator, _FORMS)
+    form = _draw_share(generator, SUBJECTS["forms"])
     if words.orders and generator.random() < 0.06:
         return _pick(words.orders, generator)
     if form == "noun" and words.nouns:
@@ -205,7 +180,7 @@ def _single(words: Wording, generator: np.random.Generator) -> str:
     pattern = _front(words.clauses, generator)
     text = _clause(pattern, form, _subject(words, form, generator), generator)
     if form == "doing" and generator.random() < 0.15:
-        return f"{_pick(_SHOWN, generator)} {text}"
+        return f"{_pick(SUBJECTS['shown'], generator)} {text}"
     if words.places and generator.random() < 0.06:
         text = f"{text} {_pick(words.places, generator)}"
     return text
@@ -267,12 +242,12 @@ def _subject(words: Wording, form: str, generator: np.random.Generator) -> Subje
         return Subject("", "your", "you", "you")
     if form == "participle":
         return Subject("", *_THEY)
-    people = _PEOPLE if generator.random() < 0.45 else _COMMON
+    people = _PEOPLE if generator.random() < 0.45 else SUBJECTS["common"]
     if words.people and generator.random() < 0.2:
         people = words.people
     name = _pick(tuple(people), generator)
     while form == "doing" and name in ("he", "she", "they"):
-        name = _pick(_COMMON, generator)
+        name = _pick(SUBJECTS["common"], generator)
     terse = generator.random() < 0.08
     if _MASCULINE.search(name):
         pronouns = _HE

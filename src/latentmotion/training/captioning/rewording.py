@@ -33,12 +33,7 @@ from latentmotion.training.captioning.clauses import (
     word_set,
     words_of,
 )
-
-_SUBJECTS = {
-    "neutral": ("a person", "the person", "someone", "a figure", "the figure", "a human", "person"),
-    "male": ("a man", "the man", "he"),
-    "female": ("a woman", "the woman", "she"),
-}
+from latentmotion.training.captioning.prompting import SUBJECTS
 
 _OWN = {
     "male": ("his", "him", "himself"),
@@ -68,28 +63,6 @@ _WRITTEN_CLAUSE = 0.4
 
 # Words before a part of the body that do not tell captions apart.
 _OWNERS = {"his", "her", "their", "your", "the"}
-
-# Subjects, and their names in a second sentence.
-_ACTORS: dict[str, tuple[tuple[str, str], ...]] = {
-    "neutral": (
-        ("a person", "the person"),
-        ("someone", "the person"),
-        ("the figure", "the figure"),
-    ),
-    "male": (("a man", "he"), ("the man", "he")),
-    "female": (("a woman", "she"), ("the woman", "she")),
-}
-
-# Forms of the verbs of both parts, and the text around them.
-_FRAMES = (
-    (("going", "goes"), "after {one}, {subject} {other}"),
-    (("goes", "going"), "{subject} {one} before {other}"),
-    (("go", "go"), "first {one}, then {other}"),
-    (("goes", "goes"), "{subject} first {one}, then {other}"),
-    (("goes", "goes"), "{subject} {one}. then {again} {other}."),
-    (("goes", "goes"), "{subject} {one} and after that {other}"),
-    (("go", "go"), "{one} and afterwards {other}"),
-)
 
 
 def rewordings(sentence: str, generator: np.random.Generator, count: int) -> list[str]:
@@ -187,7 +160,7 @@ def reworded(sentence: Sentence, generator: np.random.Generator) -> str:
         return ""
     subject = ""
     if form in ("goes", "is going"):
-        subject = str(generator.choice(_SUBJECTS[gender]))
+        subject = str(generator.choice(SUBJECTS["of_gender"][gender]))
     clauses = [_varied(c, sentence, owner, generator) for c in _shortened(sentence, generator)]
     short = form == "go" and generator.random() < 0.4
     return _joined(clauses, subject, form, short, generator)
@@ -218,8 +191,10 @@ def in_order(
             written.setdefault(reworded(joined, generator))
             continue
         gender = str(generator.choice(["neutral", "neutral", "male", "female"]))
-        subject, again = _ACTORS[gender][int(generator.integers(len(_ACTORS[gender])))]
-        forms, frame = _FRAMES[int(generator.integers(len(_FRAMES)))]
+        actors = SUBJECTS["actors"][gender]
+        subject, again = actors[int(generator.integers(len(actors)))]
+        frames = SUBJECTS["frames"]
+        *forms, frame = frames[int(generator.integers(len(frames)))]
         owner = "you" if "go" in forms else gender
         first_part = predicate(first, forms[0], owner, generator)
         other = predicate(second, forms[1], owner, generator)
@@ -338,7 +313,7 @@ def _other_subject(sentence: str, generator: np.random.Generator) -> str:
     noun = match.group("noun")
     if noun in ("man", "woman", "guy", "boy", "girl", "lady", "dude"):
         return ""
-    chosen = str(generator.choice(_SUBJECTS["neutral"][:6]))
+    chosen = str(generator.choice(SUBJECTS["of_gender"]["neutral"][:6]))
     return (chosen + text[match.end() :]).replace(" ,", ",")
 
 

@@ -19,20 +19,7 @@ from latentmotion.measure.facts import LEFT, RIGHT, Description, Event
 from latentmotion.measure.reported_acts import ReportedAct, acts_of
 from latentmotion.measure.whole_body import FAST, SLOW
 from latentmotion.ranking.agreement import check
-from latentmotion.training.captioning.prompting import filled
-
-# Subject, possessive, object pronoun, weight; the last row leaves the subject out.
-_SUBJECTS = (
-    ("a person", "their", "them", 8),
-    ("the person", "their", "them", 3),
-    ("someone", "their", "them", 2),
-    ("a man", "his", "him", 3),
-    ("the man", "his", "him", 1),
-    ("a woman", "her", "her", 1),
-    ("he", "his", "him", 1),
-    ("a figure", "its", "it", 1),
-    ("", "the", "them", 4),
-)
+from latentmotion.training.captioning.prompting import SUBJECTS, filled
 
 MOST_ACTS = 5
 """Most acts of one sentence; of more, those that last longest are described."""
@@ -94,8 +81,10 @@ def _sentence(acts: Sequence[ReportedAct], generator: np.random.Generator) -> st
     """Writes one sentence about the acts that last longest, in their order."""
     longest = sorted(acts, key=lambda act: -act.event.frames)[:MOST_ACTS]
     acts = [act for act in acts if len(acts) <= MOST_ACTS or act in longest]
-    weights = np.array([subject[3] for subject in _SUBJECTS], float)
-    who, his, him, _ = _SUBJECTS[generator.choice(len(_SUBJECTS), p=weights / weights.sum())]
+    weights = np.array([subject[3] for subject in SUBJECTS["weighted"]], float)
+    who, his, him, _ = SUBJECTS["weighted"][
+        generator.choice(len(weights), p=weights / weights.sum())
+    ]
     styles = ["third", "third", "third", "ing"] if who else ["third", "base", "base", "ing"]
     style = str(generator.choice(styles))
     form = "participle" if style == "ing" else style
@@ -146,23 +135,11 @@ def _joined(
     return text + str(generator.choice(joiners)) + groups[-1]
 
 
-_TIMES = ("", "once", "twice", "three times", "four times", "five times", "six times",
-          "seven times", "eight times", "nine times", "ten times")  # fmt: skip
-
 # Meters per second above which a run is called fast.
 _FAST_RUN = 3.6
 
 # Radius in meters from which a turn on the way is called a curve or a circle.
 _WIDE = 0.4
-
-_DIRECTIONS = {
-    "forward": ("forward", "forward", "straight ahead", "forwards"),
-    "backward": ("backward", "backwards", "backwards"),
-    "left": ("sideways to the left", "to the left sideways", "left sideways"),
-    "right": ("sideways to the right", "to the right sideways", "right sideways"),
-    "place": ("in place", "on the spot"),
-}
-_LOW = {"crouch": ("crouched", "in a crouch"), "bend": ("bent forward", "bent over"), "": ("",)}
 
 
 @cache
@@ -190,7 +167,9 @@ def meanwhile(act: ReportedAct) -> list[str]:
 
 def _phrases_of(table: Sequence[Mapping[str, Any]], act: ReportedAct) -> list[str]:
     event, gait, degrees = act.event, act.gait, act.event.amount
-    often = _TIMES[event.count] if event.count < len(_TIMES) else "several times"
+    often = (
+        SUBJECTS["times"][event.count] if event.count < len(SUBJECTS["times"]) else "several times"
+    )
     onward = gait is not None and gait.direction == "forward"
     # The path is as long as the gait is fast; divided by the angle it is the radius. Angles below
     # 0.3 rad would make any path a wide one.
@@ -228,9 +207,9 @@ def _gait(act: ReportedAct) -> list[str]:
     texts = [
         f"{verb} {direction} {pace} {low}"
         for verb in (["step", "walk", "move"] if sideways else [event.kind])
-        for direction in _DIRECTIONS[event.direction]
+        for direction in SUBJECTS["directions"][event.direction]
         for pace in paces
-        for low in _LOW[act.posture]
+        for low in SUBJECTS["low"].get(act.posture, [""])
     ]
     if event.kind == "walk" and event.direction == "forward" and not act.posture:
         texts += [f"walk {pace}" for pace in paces]
