@@ -25,7 +25,7 @@ from latentmotion.measure.facts import SingleAction
 from latentmotion.representation.canonical import heading
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.splicing import pose_descriptors
-from latentmotion.training.captioning.clauses import Sentence, read_clauses
+from latentmotion.training.captioning.clauses import Sentence, read_clauses, word_set
 from latentmotion.training.captioning.prompting import prompts
 from latentmotion.training.captioning.single_actions import single_actions
 
@@ -184,23 +184,10 @@ _SHORTEST_BONE = 0.005
 # Share of the greatest speed of a limb that an action has where it is cut in two.
 _BROKEN_OFF = 0.9
 
-_GOING = {"walk", "run", "jog", "march", "sneak", "crawl", "creep", "sprint", "stroll", "stride",
-          "tiptoe", "limp", "saunter", "shuffle", "skip"}  # fmt: skip
+_GOING = word_set("going")
 _GOING_OR_STANDING = _GOING | {"stand"}
 _STEADY = _GOING | {"stand", "dance", "swim", "dribble"}
-
-# Words for something that a piece of the movement may lack.
-_ENDING = {"turn", "turns", "turning", "circle", "circles", "semi-circle", "once", "twice",
-           "times", "steps", "step", "stop", "stops", "stopping", "curve", "around", "from",
-           "back", "before", "after", "until", "short", "several", "few", "distance", "up",
-           "second", "seconds", "over", "onto", "off"}  # fmt: skip
-
-# Words that distinguish one walk from another.
-_QUALIFYING = {"backward", "backwards", "sideways", "left", "right", "circle", "slowly", "quickly",
-            "fast", "place", "up", "down", "both", "floor"}  # fmt: skip
-
-# Words that refer to what was before.
-_REFUSED = {"again", "continue", "continues", "same", "repeat", "repeats", "video", "resume"}
+_ENDING, _QUALIFYING, _REFERRING = word_set("ending"), word_set("qualifying"), word_set("referring")
 
 
 @dataclass(frozen=True, eq=False)
@@ -380,7 +367,7 @@ def _single_action(text: str) -> Sentence | None:
         return None
     words = text.lower().replace(".", "").split()
     ordered = any(clause.link in ("then", ".", ",") for clause in sentence.clauses)
-    plain = len(words) <= _WORDS and not _REFUSED & set(words[:-1]) and "," not in text
+    plain = len(words) <= _WORDS and not _REFERRING & set(words[:-1]) and "," not in text
     return sentence if plain and not ordered else None
 
 
