@@ -43,6 +43,7 @@ from benchmarks.training import speed as training
 from latentmotion import MotionPipeline
 from latentmotion.errors import InputError
 from tests.support import stub_service
+from tests.support.moving_figures import write_moving_figures
 
 ROOT = Path(__file__).parents[1]
 QUICK = ["--engines", "onnxruntime", "--threads", "1", "--seconds", "1", "--turns", "1"]
@@ -486,8 +487,7 @@ def test_dynamics_of_files_stand_beside_real_motion(
     motion.save(tmp_path / "walk.npz")
     motion.save(tmp_path / "walk.bvh")
     files = [str(tmp_path / "walk.npz"), str(tmp_path / "walk.bvh")]
-    monkeypatch.setenv("LATENTMOTION_CACHE", str(tmp_path / "cache"))
-    data = ["--data", str(ROOT / "data/starter.pack")]
+    data = ["--data", str(write_moving_figures(tmp_path / "real", test=8))]
     monkeypatch.setattr(sys, "argv", ["dynamics", "files", *files, *data])
     dynamics.main()
     table = rows(capsys.readouterr().out)

@@ -12,6 +12,7 @@ import pytest
 
 from latentmotion.export.web import export_web
 from latentmotion.model.card import find_model
+from tests.support.fixtures import Once
 
 
 @pytest.fixture(scope="session")
@@ -39,17 +40,14 @@ def without_shape_checks() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def web_folder(four_steps: Path) -> Path:
+def web_folder(four_steps: Path, once: Once) -> Path:
     """That model for web pages, with exact weights."""
     with unchecked():
-        export_web(four_steps, four_steps.parent / "web", "float16")
-    return four_steps.parent / "web"
+        return once("web", lambda folder: export_web(four_steps, folder, "float16"))
 
 
 @pytest.fixture(scope="session")
-def labels_folder(student: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def labels_folder(student: Path, once: Once) -> Path:
     """A model of actions for web pages, with exact weights."""
-    folder = tmp_path_factory.mktemp("labels") / "web"
     with unchecked():
-        export_web(student, folder, "float16")
-    return folder
+        return once("labels", lambda folder: export_web(student, folder, "float16"))

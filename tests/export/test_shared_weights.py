@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -29,22 +30,32 @@ INPUTS = {
 }
 
 
-@pytest.fixture(params=["float16", "int8"])
-def small(tmp_path: Path, request: pytest.FixtureRequest) -> tuple[Path, np.ndarray]:
-    """The graph of a denoiser with its weights file beside it, and the network's answer."""
+@pytest.fixture(scope="module", params=["float16", "int8"])
+def exported(
+    tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> tuple[Path, np.ndarray]:
+    """The folder of a denoiser's graph and its weights file, and the network's answer."""
+    folder = tmp_path_factory.mktemp("exported")
     torch.manual_seed(0)
     config = TransformerConfig(width=32, hidden=64, heads=2, layers=3)
     network = build(DenoiserConfig(latent_width=8, condition_width=12, transformer=config))
     stored = {name: value.half() for name, value in network.state_dict().items()}
     for name in [name for name in stored if request.param == "int8" and stored[name].ndim == 2]:
         stored[name], stored[name + SCALE] = pack(stored[name].float())
-    save_file(stored, tmp_path / WEIGHTS)
-    load_weights(network, read_weights(tmp_path / WEIGHTS), WEIGHTS)
-    export_denoiser(network, 8, 12, tmp_path / "small.onnx")
+    save_file(stored, folder / WEIGHTS)
+    load_weights(network, read_weights(folder / WEIGHTS), WEIGHTS)
+    export_denoiser(network, 8, 12, folder / "small.onnx")
     z, t, words, real, mask = INPUTS.values()
     with torch.no_grad():
         expected = network(z, t, Conditioning(words, real), mask)
-    return tmp_path / "small.onnx", expected.numpy()
+    return folder, expected.numpy()
+
+
+@pytest.fixture
+def small(exported: tuple[Path, np.ndarray], tmp_path: Path) -> tuple[Path, np.ndarray]:
+    """A graph that may be changed, and the network's answer."""
+    folder, expected = exported
+    return shutil.copytree(folder, tmp_path / "model") / "small.onnx", expected
 
 
 def _answer(graph: Path, runtime: Runtime = "onnxruntime") -> np.ndarray:

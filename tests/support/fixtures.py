@@ -2,34 +2,54 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 from latentmotion.training.stages import train_denoiser, train_vae
 from tests.support.moving_figures import write_moving_figures
 from tests.support.small_training import CONTEXT, small
 from tests.support.students import write_student
 
-
-@pytest.fixture(scope="session")
-def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A prepared folder of ten clips to train on and three to validate with."""
-    return write_moving_figures(tmp_path_factory.mktemp("data") / "figures")
+Once = Callable[[str, Callable[[Path], object]], Path]
+"""Writes a folder of a name with a function, unless another process of the run has written it."""
 
 
 @pytest.fixture(scope="session")
-def vae_run(figures: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The run folder of the small VAE."""
-    folder = tmp_path_factory.mktemp("runs") / "vae"
-    train_vae(small(), figures, folder, CONTEXT)
+def once(tmp_path_factory: pytest.TempPathFactory) -> Once:
+    base = tmp_path_factory.getbasetemp()
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def folder(name: str, write: Callable[[Path], object]) -> Path:
+        written = base / f"{name}.written"
+        with FileLock(base / f"{name}.lock"):
+            if not written.exists():
+                write(base / name)
+                written.touch()
+        return base / name
+
     return folder
 
 
 @pytest.fixture(scope="session")
-def student(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def figures(once: Once) -> Path:
+    """A prepared folder of ten clips to train on and three to validate with."""
+    return once("figures", write_moving_figures)
+
+
+@pytest.fixture(scope="session")
+def vae_run(figures: Path, once: Once) -> Path:
+    """The run folder of the small VAE."""
+    return once("vae", lambda folder: train_vae(small(), figures, folder, CONTEXT))
+
+
+@pytest.fixture(scope="session")
+def student(once: Once) -> Path:
     """The exported folder of a small untrained student."""
-    return write_student(tmp_path_factory.mktemp("student"))
+    return once("student", write_student) / "model"
 
 
 @pytest.fixture
@@ -39,10 +59,10 @@ def without_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="session")
-def unconditional_run(
-    figures: Path, vae_run: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def unconditional_run(figures: Path, vae_run: Path, once: Once) -> Path:
     """The run folder of the small denoiser that takes no prompts."""
-    folder = tmp_path_factory.mktemp("runs") / "denoiser"
-    train_denoiser(small(task="unconditional"), figures, vae_run, None, folder, CONTEXT)
-    return folder
+    experiment = small(task="unconditional")
+    return once(
+        "denoiser",
+        lambda folder: train_denoiser(experiment, figures, vae_run, None, folder, CONTEXT),
+    )

@@ -25,11 +25,11 @@ def joints_of(generator: np.random.Generator, frames: int) -> np.ndarray:
     return HUMANML3D.forward_kinematics(matrix_from_axis_angle(angles), root)
 
 
-def write_moving_figures(folder: Path, train: int = 10, val: int = 3) -> Path:
+def write_moving_figures(folder: Path, train: int = 10, val: int = 3, test: int = 0) -> Path:
     """Writes a prepared folder of clips of 24 to 60 frames; returns its path."""
     generator = np.random.default_rng(0)
-    motions = [motion(generator, number, "train") for number in range(train)]
-    motions += [motion(generator, train + number, "val") for number in range(val)]
+    splits: list[Split] = ["train"] * train + ["val"] * val + ["test"] * test
+    motions = [motion(generator, number, split) for number, split in enumerate(splits)]
     fitted = Normalizer.fit([m.features for m in motions], HUMANML3D_FEATURES.blocks)
     source = Source("synthetic", "CC0-1.0", "nobody")
     stored = stored_normalizer(fitted, "these clips")

@@ -32,7 +32,7 @@ class Turning:
         return TextEmbedding(pooled, pooled[:, None], np.ones((len(sentences), 1), bool))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def verdicts() -> LengthVerdicts:
     """Turns are obeyed from 1.5 to 2.5 s, everything else from 5 to 7 s."""
     generator = np.random.default_rng(0)
