@@ -120,6 +120,15 @@ def test_a_take_that_ends_in_the_air_is_not_preferred() -> None:
     }
 
 
+def test_a_clip_of_somebody_off_the_floor_is_no_worse(walk: Motion) -> None:
+    """As on a ladder: 0.8 m above the floor, on what no motion shows."""
+    above = replace(walk, joints=walk.joints + np.array([0, 0.8, 0], np.float32))
+    takes = [walk, above]
+    best = ranked(takes, "a person climbs", shipped_scorer(), None, advantages=[0.0, 0.9])[0]
+    assert best.motion is above and best.floating > 0.1
+    assert ranked(takes, "a person climbs", shipped_scorer(), None)[0].motion is walk
+
+
 def test_one_bow_is_preferred_to_three() -> None:
     bows = [Motion(acted.bow(n).astype(np.float32)) for n in (3, 1)]
     takes = ranked(bows, "a person bows", shipped_scorer())

@@ -8,8 +8,8 @@ ways, paces and order (`ranking/closeness.py`). Sliding is in m/s, penetration, 
 unfinished at the ends in m, jerk in m/s³ (`kinematics/plausibility.py`); recordings have jerks of
 some 100. Claims decide first, and ordinary differences of feet and floor only between takes that
 match about as well (lab/diary/best_of.md). A take of a rare movement that starts from a clip of it
-has an advantage, since claims and scorer know rare movements least (`retrieval/starts.py`); the
-largest advantage of the takes is the rarity.
+has an advantage, since claims and scorer know rare movements least (`retrieval/starts.py`), and may
+be above the floor as its clip is; the largest advantage of the takes is the rarity.
 """
 
 from __future__ import annotations
@@ -175,7 +175,8 @@ def ranked(
         ends = 0.0 if climbs else float(unfinished(final[[0, -1]], motion.skeleton).mean())
         if request.claims:
             claims = closeness(request, describe(final))
-        off_floor = _OFF_FLOOR * (depth + hovers + ends)
+        # A clip shows what bears the body: a ladder, a bed, the hands.
+        off_floor = _OFF_FLOOR * (depth + (0.0 if advantage else hovers + ends))
         score = usual * (_CLAIMS * claims + match) + advantage
         score -= sliding + off_floor + _JERK * max(0.0, jerk - _USUAL_JERK)
         figures = (score, claims, match, sliding, depth, hovers, ends, jerk, advantage)

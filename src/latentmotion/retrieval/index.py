@@ -47,6 +47,10 @@ RARE = 20
 """Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes
 another one from noise. With 60 frequent movements lost (lab/diary/rare_acts.md)."""
 
+OFTEN = 120
+"""Support from which a caption is too common for a clip or a wording to be taken on less than clear
+evidence."""
+
 ABOUT = 0.05
 """How much farther than the nearest a caption may be for its support to count. Along discriminants
 cosines lie farther apart: with 0.03 "walks forward and sits down" was rare, as 23 of 200 known

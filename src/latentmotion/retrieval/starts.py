@@ -32,6 +32,7 @@ from latentmotion.retrieval.doubts import Doubts, Reading
 from latentmotion.retrieval.index import (
     ALIKE_WORDS,
     DRAWN,
+    OFTEN,
     RARE,
     SHOWN,
     ClipIndex,
@@ -46,9 +47,9 @@ drawn clips are still right where longer captions are not (by two lists of 80 pr
 USUAL = 60.0
 """Support of a movement that succeeds from noise about as often as from a clip."""
 
-NEARLY_ALIKE, OFTEN = 0.8, 120
-"""Cosine from which a sentence says nearly the same as one of a drawn clip, and support of the
-recorded captions that are about as near up to which it starts from that. With this and the rules
+NEARLY_ALIKE = 0.8
+"""Cosine from which a sentence says nearly the same as one of a drawn clip, which it then starts
+from where no more than OFTEN clips support captions that are about as near. With this and the rules
 below 39 of 817 prompts start from another clip: 26 from what they ask for, five from something near
 it, eight from something else."""
 
@@ -253,7 +254,14 @@ class ClipStarts:
         support = self.index.support(sides)
         if shown:
             same, support = shown, SHOWN
-        elif drawn and support <= _most_beside(drawn[0], drawn[0] is alike[0]):
+        elif (
+            drawn
+            and support <= _most_beside(drawn[0], drawn[0] is alike[0])
+            and (
+                drawn[0].cosine >= ALIKE_WORDS
+                or _claims(sentence) <= _claims(drawn[0].caption.text)
+            )
+        ):
             same, support = drawn, DRAWN
         else:
             first = alike[0].caption.support == DRAWN
@@ -378,6 +386,11 @@ def _most_beside(drawn: Neighbor, nearest: bool) -> float:
 
 def _gaits_of(sentence: str) -> list[Claim]:
     return [claim for claim in request_of(sentence).claims if claim.kind in kinds("gait")]
+
+
+def _claims(sentence: str) -> frozenset[str]:
+    """Returns the kinds of what a sentence asks for that can be measured."""
+    return frozenset(claim.kind for claim in request_of(sentence).claims)
 
 
 def stretched(

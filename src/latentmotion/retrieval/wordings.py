@@ -28,6 +28,7 @@ from latentmotion.retrieval.index import (
     ABOUT,
     DRAWN,
     EMBEDDING_LEVELS,
+    OFTEN,
     RARE,
     SHOWN,
     ClipIndex,
@@ -46,12 +47,16 @@ above do not change."""
 SAME = 0.85
 """Cosine from which a caption of the index says the same as one that it was thinned from."""
 
-REPEATED = 0.78
-"""Cosine from which a wording repeats another: one in four; what the rest finds hardly changes."""
+REPEATED = 0.76
+"""Cosine from which a wording repeats another: three in ten; what the rest finds hardly changes."""
 
 NEAR_WORDING, NEAR_CAPTION = 0.7, 0.78
 """Cosine from which a sentence says what a wording does, and from which its own words are near
 enough to those of a caption. Chosen on the acts of benchmarks/quality/acts, by clips in ten."""
+
+NEAR_WORDING_OF_COMMON = 0.8
+"""The same of a wording whose caption more than OFTEN clips support: of nine prompts between the
+two, five were read as something else ("tap someone on the shoulder" as "he moves his arms")."""
 
 NEARER = 0.2
 """How much nearer than a drawn clip's sentence a wording of a common movement has to be. Of 31
@@ -88,9 +93,9 @@ def in_words_of_captions(
 
 
 def _refers_back(movement: str) -> bool:
-    """Returns whether a part needs what is before it: "then lower it", "then right"."""
+    """Returns whether a part needs what is before it: "then lower it"."""
     words = [token.text for token in tokens_of(movement)]
-    return len(words) <= 2 and not {"it", "them", "left", "right"}.isdisjoint(words)
+    return len(words) <= 2 and not {"it", "them"}.isdisjoint(words)
 
 
 def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str | None:
@@ -98,7 +103,10 @@ def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str 
         return None
     sides = text_encoder(both_sides(sentence)).pooled
     near = index.nearest_by_wording(sides)
-    if near is None or near.cosine < NEAR_WORDING:
+    if near is None:
+        return None
+    common = near.caption.support > OFTEN
+    if near.cosine < (NEAR_WORDING_OF_COMMON if common else NEAR_WORDING):
         return None
     literal = max(
         (index.nearest(text_encoder(both_sides(text)).pooled, 1)[0] for text in lookups(sentence)),
