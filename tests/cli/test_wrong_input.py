@@ -59,7 +59,7 @@ PREPARE, TRAIN = "data prepare", "--data data --device cpu -o out --set training
 WRONG = {
     f"{PREPARE} humanact12 none -o out": "none: cannot be read: No such file or directory; ",
     f"{PREPARE} humanact12 empty -o out": "Is a directory",
-    f"{PREPARE} humanact12 cut.pkl -o out": "truncated",
+    f"{PREPARE} humanact12 cut.pkl -o out": "exhausted before end of frame); download it again",
     f"{PREPARE} humanact12 code.pkl -o out": "holds builtins.print",
     f"{PREPARE} humanact12 poses.pkl --hold -3 -o out": "--hold -3: expected",
     f"{PREPARE} humanact12 poses.pkl -o file.txt": "choose another folder",

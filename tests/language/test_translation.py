@@ -91,6 +91,9 @@ def test_a_prompt_in_french_becomes_its_motion_and_a_note() -> None:
     assert any('understood: "a person walks backwards"' in str(one.message) for one in said)
     assert motion.caption == "une personne marche en arrière"
     assert 'understood: "a person walks backwards"' in motion.metadata["notes"]
+    # The studio shows it while it is typed.
+    reading = pipeline.read(motion.caption)
+    assert 'understood: "a person walks backwards"' in reading.notes()
     assert describe(motion.joints).path.forward < -0.5
     english = pipeline("a person walks backwards", seconds=4, seed=1)
     assert (motion.joints == english.joints).all()
