@@ -597,12 +597,14 @@ class MotionPipeline(PickledByFields):
 
     def _corrections(self, sentence: str, any_length: bool, start: ClipStart | None) -> Corrections:
         reads = self.card.condition.reads_text
+        _, most = (usual_range(sentence) if reads else None) or (0.0, np.inf)
+        longest = min(self.card.frames[1], most * self.representation.fps)
         return replace(
             asked_exactly(sentence, any_length) if reads else NO_CORRECTIONS,
             sharpens=True,
             # A clip has its own timing; slowed down where it is calm, it would lack its end.
             settles=start is None,
-            longest=self.card.frames[1] if any_length else 0,
+            longest=int(longest) if any_length else 0,
             on_floor=start is None and stays_on_floor(sentence),
         )
 

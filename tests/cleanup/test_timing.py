@@ -48,8 +48,8 @@ def test_rest_takes_time_but_nobody_freezes() -> None:
     assert speeds(longer)[:20].mean() < 0.4 * speeds(before)[:20].mean()
     assert max(speeds(longer)[-1], speeds(longer)[0]) < 0.6 * speeds(before)[-1]
     assert longer[:, 20, 1].max() == pytest.approx(before[:, 20, 1].max(), abs=0.02)
-    # Two seconds of rest get a second and a half longer, or hardly where a walk follows.
-    for step, least, most in ((0.0, 3.0, 3.8), (0.05, 2.0, 2.5)):
+    # Two seconds of rest may get two seconds longer, or hardly where a walk follows.
+    for step, least, most in ((0.0, 3.0, 4.2), (0.05, 2.0, 2.5)):
         late = waving(120, drift=0.1, start=40)
         late[40:, :, 2] += step * np.arange(80)[:, None]
         lifts = settled(late, FPS, longest=196)[:, 20, 1]

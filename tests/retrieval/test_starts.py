@@ -106,6 +106,7 @@ def test_a_recording_starts_after_its_calibration(fast):
 def test_a_clip_is_no_longer_than_its_act_usually_is(fast):
     long, given = fast.batch(["a person drinks"] * 2, [None, 7.0], [0, 0])
     assert (len(long), len(given)) == (80, 140)
+    assert len(fast("a person raises both hands", seed=60)) <= 80  # rest makes it no longer
 
 
 def test_half_of_the_takes_start_from_clips_and_have_an_advantage(fast):

@@ -163,7 +163,7 @@ _IDLE, _MOST_PACE, _END_PACES = 0.15, 1.25, (0.4, 0.3)
 
 # Seconds that rest gets longer at most, at the start of a motion that goes some meters, and
 # elsewhere: who waits longer seems frozen.
-_LONGEST_REST, _FAR = (0.3, 1.5), 1.0
+_LONGEST_REST, _FAR = (0.3, 2.0), 1.0
 
 # Seconds in which a motion settles.
 _SETTLE = 0.5
