@@ -32,7 +32,6 @@ from latentmotion.formats.content import encoded
 from latentmotion.formats.engines import EngineName, for_engine
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_model
-from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage import limits
@@ -214,7 +213,8 @@ class BulkGeneration:
         Raises:
             InputError: The model does not support these settings.
         """
-        task, sampling = pipeline.card.condition, self._sampling(pipeline)
+        task = pipeline.card.condition
+        sampling = pipeline.card.sampling.but(self.steps, self.guidance, self.sampler)
         prompt = next(iter(task.known_prompts), "a person walks") if task.prompted else ""
         frames = self.frames(pipeline, [PromptRow(0, prompt, 0)])
         request = requests.GenerationRequest((prompt,), tuple(frames), (0,), sampling)
@@ -248,9 +248,6 @@ class BulkGeneration:
             *(self.steps, self.guidance, self.sampler),
             clean_up=CleanUp(self.exact_count, self.exact_turn) if self.clean else None,
         )
-
-    def _sampling(self, pipeline: MotionPipeline) -> Sampling:
-        return pipeline.card.sampling.but(self.steps, self.guidance, self.sampler)
 
 
 def work_of(generation: BulkGeneration, prompts: Path, seed: int = 0, rows: int = ROWS) -> Work:

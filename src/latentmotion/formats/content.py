@@ -66,10 +66,14 @@ def rewritten(content: bytes, form: str, clean: bool = False) -> tuple[bytes, st
         file.write_bytes(content)
         motions = formats.load(file)
     if clean:  # the page gives lengths, so counts stay as they are
-        asked = [(motion.caption, asked_exactly(motion.caption, False)) for motion in motions]
         corrections = [
-            replace(exact, sharpens=True, settles=True, on_floor=stays_on_floor(caption))
-            for caption, exact in asked
+            replace(
+                asked_exactly(motion.caption, False),
+                sharpens=True,
+                settles=True,
+                on_floor=stays_on_floor(motion.caption),
+            )
+            for motion in motions
         ]
         motions = clean_batch(motions, CleanUp(), corrections)
     return encoded(motions, form)

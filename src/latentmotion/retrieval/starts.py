@@ -198,8 +198,8 @@ class ClipStarts:
             return []
         for neighbor in (neighbor for part in parts for neighbor in part.neighbors):
             caption = neighbor.caption
-            told = any(gait.direction != "place" for gait in _gaits_of(caption.text))
-            if told or caption.support == SHOWN or self._goes(neighbor):
+            goes = any(gait.direction != "place" for gait in _gaits_of(caption.text))
+            if goes or caption.support == SHOWN or self._goes(neighbor):
                 return []
         frames_per_token = self.card.latents.frames_per_token or 1
         walks: list[Neighbor] = []
