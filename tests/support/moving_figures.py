@@ -28,7 +28,8 @@ def joints_of(generator: np.random.Generator, frames: int) -> np.ndarray:
 def write_moving_figures(folder: Path, train: int = 10, val: int = 3, test: int = 0) -> Path:
     """Writes a prepared folder of clips of 24 to 60 frames; returns its path."""
     generator = np.random.default_rng(0)
-    splits: list[Split] = ["train"] * train + ["val"] * val + ["test"] * test
+    counts: dict[Split, int] = {"train": train, "val": val, "test": test}
+    splits: list[Split] = [split for split, count in counts.items() for _ in range(count)]
     motions = [motion(generator, number, split) for number, split in enumerate(splits)]
     fitted = Normalizer.fit([m.features for m in motions], HUMANML3D_FEATURES.blocks)
     source = Source("synthetic", "CC0-1.0", "nobody")
