@@ -30,6 +30,9 @@ from latentmotion.ranking.scorer import shipped_scorer
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.representation.interface import Normalizer
 
+# The clips are no motions of people, so goals and gaps of theirs may get limbs of wrong length.
+UNUSUAL = pytest.mark.filterwarnings("ignore::latentmotion.cleanup.pipeline.CleanUpWarning")
+
 PROMPTS = ("a person walks forward", "a person jumps", "a person waves", "a person sits down")
 
 
@@ -83,6 +86,7 @@ def figures(bench: Bench, measure: Any, folder: Path) -> dict[str, dict[str, lis
     return read["figures"]
 
 
+@UNUSUAL
 def test_goals_are_met_beside_motions_without(
     small: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -100,8 +104,7 @@ def test_goals_are_met_beside_motions_without(
     assert 0 < found[course]["Sliding by height, cm/s"][0] < found[course]["Sliding, cm/s"][0]
 
 
-# The clips are no motions of people, so gaps between them may get limbs of wrong length.
-@pytest.mark.filterwarnings("ignore::latentmotion.cleanup.pipeline.CleanUpWarning")
+@UNUSUAL
 def test_kept_frames_stay(small: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(keep, "GAPS", {"middle half": keep.GAPS["middle half"]})
     found = figures(small, keep.keep_rows, tmp_path)

@@ -84,6 +84,7 @@ def test_encoders_read_the_same_as_graphs(kind: str, clip_folder: Path, tmp_path
     np.testing.assert_allclose(found.words, expected.words, atol=1e-5)
 
 
+@pytest.mark.usefixtures("without_pullback")
 def test_a_model_with_clip_generates_with_and_without_pytorch(
     clip_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
