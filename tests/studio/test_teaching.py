@@ -10,7 +10,7 @@ from latentmotion.studio.library import Library
 from tests.service.conftest import TOKEN, Called, calling, serving
 from tests.studio.conftest import SETTINGS, made
 
-SHOWN, NEW = "a person jumps", "a person crawls like a spider on the ceiling"
+SHOWN, NEW = "a person jumps", "a person balances on one leg"
 
 
 def clips_of(called: Any, takes: list[dict[str, Any]]) -> list[Any]:
