@@ -42,6 +42,26 @@ def test_who_does_it_does_not_hide_what_is_done(fast):
     assert "jacket" in clips[0] and "cartwheel" in clips[1]
 
 
+@pytest.mark.parametrize(
+    ("sentence", "word"),
+    [
+        ("A tennis player tosses the ball up and serves.", "serve"),
+        ("He puts on a jacket, right arm first.", "jacket"),
+        ("basketball free throw", "free throw"),
+    ],
+)
+def test_a_drawn_movement_is_started_from_where_its_words_are_said(fast, sentence, word):
+    (choice,) = fast.clip_starts.choices(fast.read(sentence))
+    assert word in choice.neighbors[0].caption.text
+
+
+@pytest.mark.parametrize(
+    "sentence", ["bend down and pick something up", "wave hello with both arms"]
+)
+def test_other_words_are_no_start(fast, sentence):
+    assert fast.clip_starts.choices(fast.read(sentence)) == []
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_drawn_movement_is_on_the_side_that_is_named(fast, side):
     """Its nearest sentence names no side, another one does."""

@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import dropwhile
 
 from latentmotion.language.claims import LEFT, RIGHT, data
 
@@ -67,6 +68,14 @@ def plain(sentence: str) -> str:
 def words_of(sentence: str) -> list[str]:
     """Returns the words of a sentence, in small letters, without numbers and marks."""
     return _WORD.findall(sentence.lower())
+
+
+def content_words(sentence: str) -> frozenset[str]:
+    """Returns the words of a sentence but for articles, prepositions and who moves."""
+    functional = listed("determiner") | listed("preposition") | listed("auxiliary")
+    functional |= other_forms("do")
+    words = [word for word in words_of(sentence) if word not in functional]
+    return frozenset(dropwhile(lambda word: word in listed("person"), words))
 
 
 def named_sides(sentence: str) -> set[str]:

@@ -226,6 +226,11 @@ class ClipIndex:
             best[self._clip_of == caption.clip] = -np.inf
         return list(neighbors.values())
 
+    def neighbor(self, number: int, sentences: Float[np.ndarray, "sides width"]) -> Neighbor:
+        """Returns a caption as a neighbor of a sentence, given as for `nearest`."""
+        cosines = self._cosines(sentences)[number]
+        return Neighbor(self.captions[number], float(cosines.max()), bool(cosines.argmax()))
+
     def nearest_by_wording(self, sentences: Float[np.ndarray, "sides width"]) -> Neighbor | None:
         """Returns the caption one of whose wordings is nearest to a sentence, if there are any.
 

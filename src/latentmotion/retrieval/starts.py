@@ -10,8 +10,10 @@ figures in lab/diary/rare_acts.md). Frequent movements start from pure noise, as
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,7 +27,14 @@ from latentmotion.engine.request import GenerationRequest, Start
 from latentmotion.language.acts import lookups
 from latentmotion.language.claims import Claim, both_sides, kinds
 from latentmotion.language.reading import asked_exactly, request_of, usual_range
-from latentmotion.language.words import listed, named_sides, parts_of, tokens_of
+from latentmotion.language.words import (
+    content_words,
+    listed,
+    named_sides,
+    other_forms,
+    parts_of,
+    tokens_of,
+)
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, Reading
@@ -52,6 +61,10 @@ NEARLY_ALIKE = 0.8
 from where no more than OFTEN clips support captions that are about as near. With this and the rules
 below 39 of 817 prompts start from another clip: 26 from what they ask for, five from something near
 it, eight from something else."""
+
+LEAST_SAID, LEAST_WEIGHT = 0.45, 4.0
+"""Least part of the weight of a sentence's words, and of its weightiest word, that the caption of a
+drawn clip must have to be started from for its words alone."""
 
 SHARES = ((SHOWN, 0.25, 0.7), (5, 0.25, 0.0), (RARE, 0.5, 0.0))
 """Largest support, share of the sampling steps that are left after a start, and share of the clip
@@ -180,7 +193,8 @@ class ClipStarts:
         exact = exactly != NO_CORRECTIONS and not (shown or drawn)
         rare = support <= (USUAL if reading.caption else RARE) and not exact
         if not (rare and all(part.is_near for part in parts)):
-            return []
+            said = None if exact else self._said(reading.prompt)
+            return [Choice((said,), DRAWN)] if said else []
         walk = self._approach(reading.prompt, parts)
         # A part for the walk may be there, by a clip that stays on the spot.
         instead = len(parts) > 1 and bool(_gaits_of(parts[0].neighbors[0].caption.text))
@@ -267,6 +281,48 @@ class ClipStarts:
             first = alike[0].caption.support == DRAWN
             same = drawn if first else [n for n in alike if n not in drawn]
         return Choice(tuple(self._on_side(neighbor, sentence) for neighbor in same), support)
+
+    @cached_property
+    def _said_by_drawn(self) -> list[tuple[frozenset[str], int]]:
+        # The words of each caption of a drawn clip, and its number.
+        return [
+            (content_words(caption.text), number)
+            for number, caption in enumerate(self.index.captions)
+            if caption.support == DRAWN
+        ]
+
+    def _said(self, sentence: str) -> Neighbor | None:
+        """Returns the drawn clip whose caption says the most of a sentence and nothing else.
+
+        "A tennis player tosses the ball up and serves" is as near to much else as to "a tennis
+        serve", whose words it has.
+        """
+        forms = {word: other_forms(word) | {word} for word in content_words(sentence)}
+        weights = {word: self._weight(forms[word]) for word in forms}
+        every_form = frozenset().union(*forms.values())
+        said: dict[float, list[int]] = {}
+        for words, number in self._said_by_drawn:
+            if words and words <= every_form:
+                shared = [weights[word] for word in forms if words & forms[word]]
+                if max(shared) >= LEAST_WEIGHT:
+                    said.setdefault(sum(shared), []).append(number)
+        most = max(said, default=0.0)
+        if most < LEAST_SAID * sum(weights.values()) or not said:
+            return None
+        versions = [self._sides(text) for text in lookups(sentence)]
+        near = (self.index.neighbor(n, sides) for n in said[most] for sides in versions)
+        neighbor = max(near, key=lambda neighbor: neighbor.cosine)
+        caption = neighbor.caption.text
+        lacks = "both" in content_words(sentence) - content_words(caption)
+        if lacks or not neighbor.is_near or (_gaits_of(sentence) and not _gaits_of(caption)):
+            return None
+        return self._on_side(neighbor, sentence)
+
+    def _weight(self, forms: frozenset[str]) -> float:
+        """Returns how much a word says: the logarithm of how few captions have a form of it."""
+        words = self.index.words
+        most = max(words.values(), default=1)
+        return math.log(most / (1 + max(words.get(form, 0) for form in forms)))
 
     def _on_side(self, neighbor: Neighbor, sentence: str) -> Neighbor:
         """Returns a clip that was shown or drawn on the side that a sentence names.
