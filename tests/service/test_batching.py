@@ -11,9 +11,11 @@ import httpx
 import pytest
 
 from latentmotion.errors import InputError
+from latentmotion.service import state
 from latentmotion.service.batching import Batcher, BatchSettings, Prompt, run
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
+from latentmotion.service.settings import Settings
 from latentmotion.service.state import ClientGoneError, unless_gone
 from latentmotion.text.encoder import MemoryCachedTextEncoder
 from tests.service.conftest import Called
@@ -207,3 +209,20 @@ def test_a_service_that_shuts_down_takes_no_work(called: Called) -> None:
     finally:
         service.obstacle, service.leaving = None, False
         service.draining.clear()
+
+
+def test_formats_are_loaded_before_there_are_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """OpenUSD and ONNX Runtime, loaded at once by two threads, waited for each other for good."""
+    order: list[str] = []
+
+    class Stopped(Exception):
+        pass
+
+    def batcher(*_: object) -> None:
+        raise Stopped
+
+    monkeypatch.setattr(state, "lacks", lambda: order.append("formats"))
+    monkeypatch.setattr(state, "Batcher", batcher)
+    with pytest.raises(Stopped):
+        state.Service(Settings())
+    assert order == ["formats"]

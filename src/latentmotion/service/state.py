@@ -49,7 +49,7 @@ class Service:
 
     def __init__(self, settings: Settings) -> None:
         # Before there are threads: OpenUSD waits for the interpreter while it holds the lock of the
-        # system's loader, for which a library that another thread imports waits the other way round.
+        # system's loader; a library that another thread imports does it the other way round.
         lacks()
         pipeline = MotionPipeline.from_pretrained(settings.model, settings.runtime, threads=1)
         pipeline = pipeline.with_moves(*settings.moves)
