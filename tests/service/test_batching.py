@@ -215,14 +215,11 @@ def test_formats_are_loaded_before_there_are_threads(monkeypatch: pytest.MonkeyP
     """OpenUSD and ONNX Runtime, loaded at once by two threads, waited for each other for good."""
     order: list[str] = []
 
-    class Stopped(Exception):
-        pass
-
     def batcher(*_: object) -> None:
-        raise Stopped
+        raise InterruptedError
 
     monkeypatch.setattr(state, "lacks", lambda: order.append("formats"))
     monkeypatch.setattr(state, "Batcher", batcher)
-    with pytest.raises(Stopped):
+    with pytest.raises(InterruptedError):
         state.Service(Settings())
     assert order == ["formats"]
