@@ -23,7 +23,7 @@ from jaxtyping import Bool, Float, Int
 
 from latentmotion.arrays import quantile
 from latentmotion.cleanup.contacts import Contacts, foot_contacts
-from latentmotion.cleanup.counting import exact_count, exact_turns
+from latentmotion.cleanup.exact import exact_count, exact_turns
 from latentmotion.cleanup.floor import Floor, align_floor, hold_seats
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction

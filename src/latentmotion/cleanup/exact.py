@@ -1,13 +1,11 @@
 """Exact counts and turns: a motion does as often and turns as far as asked, where it nearly does.
 
-Two frames with like poses and speeds, and repetitions between them, bound a cycle. It is left out
-where there are too many, and done again where there are too few; the path goes on from where it is,
-in the direction that the body faces. Movements that look like half a repetition go, too.
+Counts: two frames with like poses and speeds, and repetitions between them, bound a cycle. It is
+left out where there are too many, and done again where there are too few; the path goes on from
+where it is, in the direction that the body faces. Movements that look like half a repetition go.
 
-Exact turns: a motion that turns as asked, but too far or too little, turns by what was asked.
-
-The rotation that is missing is spread over the frames in which the pelvis turns the asked way, in
-proportion to how fast it does, and the path bends with it.
+Turns: the rotation that is missing is spread over the frames in which the pelvis turns the asked
+way, in proportion to how fast it does, and the path bends with it.
 """
 
 from __future__ import annotations
