@@ -21,9 +21,8 @@ from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.representation.splicing import splice
 from latentmotion.training.captioning.clauses import read_clauses
-from latentmotion.training.captioning.compose import Composition, compose
+from latentmotion.training.captioning.compose import Composition, action_clips, compose
 from latentmotion.training.captioning.rewording import in_order
-from latentmotion.training.captioning.singles import action_clips
 
 CAPTIONS = {
     "wave": "a person waves with the left hand.",

@@ -160,7 +160,7 @@ WRONG = {
     f"{TRAIN_VAE} task=dance": "task: expected one of text, action, unconditional",
     "data compose data -o out --count 0": "count 0, seed 0; expected at least 1",
     "data compose data -o out --count 3 --seed -1": "count 3, seed -1; expected",
-    "data describe data -o out --windows -1": "expected --windows, --rewordings and --single",
+    "data describe data -o out --windows -1": "expected --windows and --rewordings of 0",
     "data describe data -o out --sentences 0": "and --sentences of 1 or more",
     "data describe data -o out --names": "data is prepared data, so --names has no effect",
     "data describe data -o out.csv": "a prepared folder becomes one; add --edit for a CSV",

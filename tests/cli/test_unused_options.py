@@ -60,7 +60,6 @@ UNUSED = {
     "train length --captions a -o b --trials.prompts 5": "nothing is generated, so --trials has no",
     "data describe . -o a.csv --windows 2": ". is no prepared data, so --windows has no effect",
     "data describe data -o out --unit cm": "data is prepared data, so --unit has no effect",
-    "data describe data -o a.csv --edit --single 3": "captions of clips alone, so --single has no",
 }
 
 

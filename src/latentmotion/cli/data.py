@@ -46,11 +46,7 @@ from latentmotion.storage.files import check_replaceable, sha256
 from latentmotion.storage.shards import folder_at
 from latentmotion.training.captioning import described
 from latentmotion.training.captioning.compose import Composition, compose
-from latentmotion.training.captioning.compose_actions import compose_actions
 from latentmotion.training.captioning.described import Windows
-
-# Most acts of a part that gets captions beside single actions.
-_FEW_ACTS = 3
 
 Shard = Annotated[
     str | None,
@@ -447,8 +443,6 @@ class Compose:
     """Prepared folder to write; it holds the sequences only."""
     count: int = 500
     """Number of sequences."""
-    single: bool = False
-    """Repeat single acts ("jump three times") and pair single actions found by measuring."""
     seed: options.Seed = 0
 
     def run(self) -> None:
@@ -464,16 +458,7 @@ class Compose:
             )
         check_replaceable(self.output, MANIFEST)
         dataset = Dataset.load(self.folder)
-        if self.single:
-            composition = Composition(
-                self.count,
-                self.seed,
-                seconds=(1.2, 9.8),
-                refused_captions=refused_captions(),
-            )
-            composed = compose_actions(dataset, composition)
-        else:
-            composed = compose(dataset, Composition(self.count, self.seed))
+        composed = compose(dataset, Composition(self.count, self.seed))
         preparation = Preparation(dataset.representation)
         preparation.motions.extend(composed.motions)
         left_out = ", ".join(f"{count} {why}" for why, count in composed.refused.most_common())
@@ -507,27 +492,18 @@ class Describe(options.ReadingOptions):
     """Measured sentences per clip and per excerpt."""
     rewordings: int = 2
     """Paraphrases of each existing caption of the train split."""
-    single: int = 0
-    """Most windows of each category of single action ("kick with the left leg") that get prompts.
-    With any, whole clips get no measured sentences, and parts only if they show few acts."""
     seed: options.Seed = 0
 
     def run(self) -> None:
         """Writes the captions."""
-        if min(self.windows, self.rewordings, self.single) < 0 or self.sentences < 1:
+        if min(self.windows, self.rewordings) < 0 or self.sentences < 1:
             raise InputError(
-                "expected --windows, --rewordings and --single of 0 or more and --sentences of 1 "
-                "or more"
+                "expected --windows and --rewordings of 0 or more and --sentences of 1 or more"
             )
-        windows = Windows(
-            self.windows,
-            sentences=self.sentences,
-            whole=0 if self.single else self.sentences,
-            acts=_FEW_ACTS if self.single else 0,
-        )
+        windows = Windows(self.windows, sentences=self.sentences, whole=self.sentences)
         if not (self.folder.is_file() or (self.folder / MANIFEST).is_file()):
             reason = f"{self.folder} is no prepared data"
-            names = ("edit", "windows", "sentences", "rewordings", "single")
+            names = ("edit", "windows", "sentences", "rewordings")
             options.refuse_unused(self, reason, *names)
             motions = OwnMotions(
                 self.folder,
@@ -540,15 +516,12 @@ class Describe(options.ReadingOptions):
         options.refuse_unused(self, reason, "names", "unit", "up", "fps", "map")
         settings = (windows, self.seed, self.rewordings, self.check)
         if self.edit:
-            options.refuse_unused(self, "--edit writes captions of clips alone", "single")
             self.write_csv(described.folder_rows(self.folder, *settings))
             return
         if self.output.suffix.lower() == ".csv":
             raise InputError(f"{self.output}: a prepared folder becomes one; add --edit for a CSV")
         check_replaceable(self.output, MANIFEST)
-        report = described.describe_folder(
-            self.folder, self.output, *settings, self.single, refused_captions()
-        )
+        report = described.describe_folder(self.folder, self.output, *settings, refused_captions())
         print(report.text() if self.check else report.table())
         print(f"wrote {self.output}")
 

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.language.claims import kinds
 from latentmotion.measure import limbs, whole_body
 from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, FloorPath, among
-from latentmotion.measure.reported_acts import acts_of
 from latentmotion.measure.signals import Signals, activity_of, measure, twist_of
 
 
@@ -150,19 +148,6 @@ class Measured(Description):
 def lasting(events: list[Event], seconds: float) -> list[Event]:
     """Returns the events that last so many seconds or longer."""
     return [event for event in events if event.frames >= seconds * FPS]
-
-
-def reportable_kinds(scene: Measured) -> set[str]:
-    """Returns the kinds of acts and poses that are worth reporting about a window."""
-    reported = {act.kind for act in acts_of(scene)}
-    poses = (pose for pose in scene.poses if pose.kind in kinds("pose"))
-    return reported | {pose.kind for pose in poses if pose.frames >= 10}
-
-
-def highest_hand(scene: Measured, side: str) -> float:
-    """Returns the largest height of a hand above its shoulder, meters; negative is below."""
-    signals = scene.signals
-    return float((signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder"))[:, 1].max())
 
 
 def in_place(scene: Measured, most: float) -> bool:

@@ -9,6 +9,7 @@ keep their captions, and get measured ones only where they have none.
 from __future__ import annotations
 
 import csv
+import hashlib
 import re
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -30,14 +31,12 @@ from latentmotion.errors import DataError
 from latentmotion.language.reading import claims_of
 from latentmotion.language.words import plain, third_person
 from latentmotion.measure.facts import Description
-from latentmotion.measure.reported_acts import acts_of
 from latentmotion.measure.scene import describe
 from latentmotion.ranking.agreement import check
 from latentmotion.ranking.agreement import check as check_agreement
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.storage.configuration import write_json
 from latentmotion.storage.files import atomic_file, atomic_folder
-from latentmotion.training.captioning import singles
 from latentmotion.training.captioning.clauses import (
     BASE_OF_PARTICIPLE,
     BASE_OF_THIRD,
@@ -50,9 +49,6 @@ from latentmotion.training.captioning.sentences import sentences
 
 COLUMNS = ("file", "caption", "from", "to")
 """Columns that `data prepare own --captions` reads."""
-
-PROMPTS = 4
-"""Prompts of each window that shows a single action."""
 
 LONGEST_FILE = 200
 """Frames of the longest motion file that is described whole; longer ones are in parts."""
@@ -77,6 +73,12 @@ class FileRow:
     """Seconds."""
 
 
+def clip_generator(seed: int, clip: str) -> np.random.Generator:
+    """Returns the random generator of a clip, which depends on its name and a seed alone."""
+    number = int.from_bytes(hashlib.sha256(clip.encode()).digest()[:8], "big")
+    return np.random.default_rng([seed, number])
+
+
 def describe_folder(
     folder: str | Path,
     out: str | Path,
@@ -84,7 +86,6 @@ def describe_folder(
     seed: int = 0,
     rewordings: int = 0,
     check: bool = False,
-    single: int = 0,
     refused_captions: frozenset[str] = frozenset(),
 ) -> PreparationReport:
     """Adds measured sentences to a prepared folder.
@@ -96,7 +97,6 @@ def describe_folder(
         seed: Seed of parts and wording; each clip draws for itself.
         rewordings: Number of paraphrases of each caption of the train split.
         check: Whether captions of the train split that the motion contradicts are left out.
-        single: Most windows of one category of single action that get prompts; zero is none.
         refused_captions: Sentences of a test set, as `language.words.plain` writes them, which no
             caption of the train split may be.
 
@@ -106,11 +106,6 @@ def describe_folder(
     """
     dataset, dropped = _load(folder, check)
     clips = tuple(described_clips(dataset, windows, seed, rewordings))
-    if single:
-        rows = singles.single_rows(
-            singles.balanced_singles(dataset, seed, singles.Balance(single)), seed, PROMPTS
-        )
-        clips = tuple(singles.with_prompts(clip, rows) for clip in clips)
     clips = tuple(without_captions(clip, refused_captions) for clip in clips)
     manifest = replace(dataset.manifest, clips=clips)
     old = read_report(dataset.folder) or PreparationReport((), (), None)
@@ -147,7 +142,7 @@ def described_clips(
             yield clip
             continue
         joints = dataset.representation.decode(dataset.features(clip.clip()))
-        generator = singles.clip_generator(seed, clip.id)
+        generator = clip_generator(seed, clip.id)
         if clip.split == "train":
             captions = [Caption(*row) for row in clip.captions]
             existing = [(c.text, c.start_frame, c.end_frame) for c in captions]
@@ -263,7 +258,7 @@ def describe_files(
         if action and (reason := contradiction(action, joints)):
             rows.append(Dropped(item.label.id, "caption", f"name {action!r}, but {reason}"))
             action = ""
-        generator = singles.clip_generator(seed, item.label.id)
+        generator = clip_generator(seed, item.label.id)
         # Parts of equal length, as few as keep each below the longest.
         edges = np.linspace(0, frames, -(-frames // LONGEST_FILE) + 1).astype(int).tolist()
         for start, end in pairwise(edges):
@@ -424,8 +419,6 @@ class Windows:
     """Measured sentences per window."""
     whole: int = 2
     """Measured sentences about the whole motion."""
-    acts: int = 0
-    """Most acts that a window may show; zero is any number."""
 
 
 def caption_windows(
@@ -450,8 +443,6 @@ def caption_windows(
     descriptions: dict[tuple[int, int], Description] = {}
     for start, end in draw_windows(frames, generator, windows):
         window = describe(joints[start:end])
-        if windows.acts and len(acts_of(window)) > windows.acts:
-            continue
         texts = sentences(window, generator, count=windows.sentences)
         for text, first, last in captions:
             if first <= start and end <= last and text not in texts:
