@@ -17,11 +17,12 @@ import numpy as np
 from benchmarks.harness.contest import Times, figure, table, take_turns, whole
 from benchmarks.harness.stopwatch import Laps, Stopwatch
 from latentmotion import Motion, MotionPipeline
+from latentmotion.cleanup.bones import constant_bones
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.cleanup.floor import align_floor
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import keep_knee_direction
-from latentmotion.cleanup.pipeline import clean_batch, constant_bones
+from latentmotion.cleanup.pipeline import clean_batch
 from latentmotion.cleanup.smoothing import smooth
 
 PROMPTS = ("a person walks forward", "a person kicks with the right foot", "a person jumps")

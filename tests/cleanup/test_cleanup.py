@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from latentmotion.cleanup import CleanUp, CleanUpWarning, clean
+from latentmotion.cleanup.bones import constant_bones
 from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
 from latentmotion.cleanup.floor import Floor, align_floor, land_walkers, lift_feet, lift_hands
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction, reach
-from latentmotion.cleanup.pipeline import constant_bones, ground_path, in_place
+from latentmotion.cleanup.pipeline import ground_path, in_place
 from latentmotion.cleanup.smoothing import smooth, upper_envelope
 from latentmotion.cli.main import main
 from latentmotion.errors import InputError

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from latentmotion.cleanup.bones import constant_bones
 from latentmotion.cleanup.floor import align_floor, find_arms, lift_hands
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction, reach
-from latentmotion.cleanup.pipeline import constant_bones
 from latentmotion.cleanup.smoothing import gaussian, smooth, upper_envelope
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.representation.canonical import turn

@@ -9,10 +9,10 @@ import pytest
 
 from latentmotion.arrays import cross, quantile
 from latentmotion.cleanup import CleanUp, clean_batch
+from latentmotion.cleanup.bones import constant_bones
 from latentmotion.cleanup.contacts import Contacts, foot_contacts, foot_stances, velocity
 from latentmotion.cleanup.foot_lock import drift_correction
 from latentmotion.cleanup.leg_ik import find_legs, reach
-from latentmotion.cleanup.pipeline import constant_bones
 from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.kinematics.rotations import quaternion_between, quaternion_rotate
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton

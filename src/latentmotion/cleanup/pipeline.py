@@ -1,14 +1,6 @@
 """The steps of a clean-up in their order, and the settings that choose among them.
 
 Changes: what a clean-up did to a motion, in one line of figures.
-
-Bones of constant length: a network places each joint by itself, so bone lengths vary.
-
-Each bone gets its median length, and the joints move as little as possible: one after another,
-every bone pulls its two ends to the right distance (position-based dynamics, Müller et al. 2007),
-ends in the limbs more than in the trunk; finally lengths are made exact from the root outward. The
-direction of a bone that has shrunk is uncertain, so it becomes the mean over the frames around it,
-weighted by length.
 """
 
 from __future__ import annotations
@@ -16,12 +8,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache
+from itertools import groupby
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
-from latentmotion.arrays import quantile
+from latentmotion.cleanup.bones import even_bones
 from latentmotion.cleanup.contacts import Contacts, foot_contacts
 from latentmotion.cleanup.exact import exact_count, exact_turns
 from latentmotion.cleanup.floor import Floor, align_floor, hold_seats
@@ -54,6 +46,9 @@ class CleanUpWarning(UserWarning):
 
 # Meters that a joint may move for constant bone lengths without a warning.
 _FAR = 0.25
+
+# Lengths of motions whose bones are worked on together at most, which bounds memory.
+_GROUPS = 32
 
 
 @dataclass(frozen=True)
@@ -194,47 +189,64 @@ def _enlivened(motion: Motion, correction: Corrections, steps: CleanUp) -> Motio
 def _clean_alike(
     motions: Sequence[Motion], steps: CleanUp, corrections: Sequence[Corrections]
 ) -> list[Motion]:
-    """Cleans motions up, those of one length together."""
+    """Cleans motions up, those of one length together, and the bones of all lengths together."""
     cleaned = list(motions)
-    for numbers in counted(alike(motions), "cleaning up"):
-        batch = [motions[n] for n in numbers]
-        joints = np.stack([motion.joints for motion in batch], axis=1).astype(np.float64)
-        turns = [corrections[n].turn if steps.exact_turn else None for n in numbers]
-        joints, before = exact_turns(joints, batch[0].fps, batch[0].skeleton, turns)
-        on_floor = np.array([corrections[n].on_floor for n in numbers])
-        joints = _cleaned(joints, batch, steps, on_floor).astype(np.float32)
-        for column, (number, turn, degrees) in enumerate(zip(numbers, turns, before, strict=True)):
-            about = dict(motions[number].metadata)
-            if turn is not None and degrees is not None:
-                about["turn"] = {**asdict(turn), "made": round(degrees, 1)}
-            cleaned[number] = replace(motions[number], joints=joints[:, column], metadata=about)
+
+    def kind(numbered: tuple[int, list[int]]) -> tuple[int, float, Skeleton]:
+        first = motions[numbered[1][0]]
+        return numbered[0] // _GROUPS, first.fps, first.skeleton
+
+    for (_, fps, skeleton), members in groupby(enumerate(alike(motions)), kind):
+        groups, parts, degrees = [numbers for _, numbers in members], [], []
+        for numbers in groups:
+            joints = np.stack([motions[n].joints for n in numbers], axis=1).astype(np.float64)
+            turns = [corrections[n].turn if steps.exact_turn else None for n in numbers]
+            joints, before = exact_turns(joints, fps, skeleton, turns)
+            if steps.smooth:
+                joints = keep_knee_direction(steadied(joints, fps, steps.cutoff), joints, skeleton)
+            parts.append(joints)
+            degrees.append(before)
+        even = even_bones(parts, fps, skeleton) if steps.bones else parts
+        every = zip(groups, parts, even, degrees, strict=True)
+        for numbers, before, joints, turned in counted(list(every), "cleaning up"):
+            batch = [motions[n] for n in numbers]
+            _warn_of_far(before, joints, batch)
+            on_floor = np.array([corrections[n].on_floor for n in numbers])
+            joints = _grounded(joints, batch, steps, on_floor).astype(np.float32)
+            for column, (number, made) in enumerate(zip(numbers, turned, strict=True)):
+                about, turn = dict(motions[number].metadata), corrections[number].turn
+                if turn is not None and made is not None and steps.exact_turn:
+                    about["turn"] = {**asdict(turn), "made": round(made, 1)}
+                cleaned[number] = replace(motions[number], joints=joints[:, column], metadata=about)
     return cleaned
 
 
-def _cleaned(
+def _warn_of_far(before: Joints, joints: Joints, motions: Sequence[Motion]) -> None:
+    """Warns of joints that had to move far for constant bones."""
+    moved = np.linalg.norm(joints - before, axis=-1)
+    for motion in np.flatnonzero(moved.max(axis=(0, 2)) > _FAR).tolist():
+        distance = moved[:, motion]
+        frame, joint = np.unravel_index(distance.argmax(), distance.shape)
+        fps, skeleton = motions[motion].fps, motions[motion].skeleton
+        warnings.warn(
+            CleanUpWarning(
+                f"{_named(motions[motion])}bones were drawn so long or short that "
+                f"{skeleton.names[joint]} was moved by "
+                f"{100 * distance.max():.0f} cm at {frame / fps:.1f} s to give them one length",
+                motions[motion],
+            ),
+            stacklevel=4,
+        )
+
+
+def _grounded(
     joints: Joints,
     motions: Sequence[Motion],
     steps: CleanUp,
     on_floor: Bool[np.ndarray, " motions"],
 ) -> Joints:
+    """Puts figures on the floor, and holds their seats and feet."""
     fps, skeleton = motions[0].fps, motions[0].skeleton
-    if steps.smooth:
-        joints = keep_knee_direction(steadied(joints, fps, steps.cutoff), joints, skeleton)
-    if steps.bones:
-        before, joints = joints, constant_bones(joints, fps, skeleton)
-        moved = np.linalg.norm(joints - before, axis=-1)
-        for motion in np.flatnonzero(moved.max(axis=(0, 2)) > _FAR).tolist():
-            distance = moved[:, motion]
-            frame, joint = np.unravel_index(distance.argmax(), distance.shape)
-            warnings.warn(
-                CleanUpWarning(
-                    f"{_named(motions[motion])}bones were drawn so long or short that "
-                    f"{skeleton.names[joint]} was moved by "
-                    f"{100 * distance.max():.0f} cm at {frame / fps:.1f} s to give them one length",
-                    motions[motion],
-                ),
-                stacklevel=4,
-            )
     if steps.floor:
         joints = align_floor(joints, fps, skeleton, steps.ground, on_floor)
     if steps.seats:
@@ -364,92 +376,3 @@ def _sliding(motion: Motion) -> float:
 def floor_under(joints: Float[np.ndarray, "frames joints 3"]) -> float:
     """Returns the height of what feet stand on, roughly: where the lowest joint is often."""
     return float(np.percentile(joints[..., 1].min(axis=1), 5))
-
-
-_ROUNDS = 10
-# Share of its length below which a bone's direction is taken from its neighbors in time, too.
-_SHRUNK = 0.7
-
-# Standard deviation of the Gaussian over these neighbors, seconds.
-_MEMORY = 0.1
-
-# Stiffness of the trunk: movement of its joints relative to those of limbs.
-_TRUNK = 0.1
-
-
-def constant_bones(
-    joints: Float[np.ndarray, "frames *batch joints 3"], fps: float, skeleton: Skeleton
-) -> Float[np.ndarray, "frames *batch joints 3"]:
-    """Returns joints near the given ones whose bones have the same length in every frame."""
-    parents = [0, *skeleton.parents[1:]]
-    bones = joints - joints[..., parents, :]
-    spans = np.linalg.norm(bones, axis=-1)
-    lengths = np.broadcast_to(quantile(spans, 0.5), spans.shape)
-    # Joints and coordinates first, all frames of all motions last: long rows, which NumPy is quick
-    # with. The root is a bone of length 0.
-    moved, spans, lengths = (
-        np.moveaxis(x.reshape(-1, len(parents), n), 0, -1).copy()
-        for x, n in ((joints, 3), (spans, 1), (lengths, 1))
-    )
-    for ends, shares in _pulls(skeleton.parents):
-        places = moved.take(ends, axis=0)
-        bones = places[0] - places[1]
-        pull = bones * (1 - lengths.take(ends[0], axis=0) / np.maximum(_norm(bones), 1e-6))
-        moved[ends] = places + shares * pull
-    steps = _unit(moved - moved[parents])
-    # Bones that had shrunk point where their neighbors in time point.
-    trust = np.minimum(spans / np.maximum(_SHRUNK * lengths, 1e-12), 1) ** 2
-    shrunk = np.flatnonzero(trust[1:].min(axis=(1, 2)) < 1) + 1
-    if len(shrunk):
-        trusted = trust[shrunk] * steps[shrunk]
-        frames_first = np.moveaxis(trusted, -1, 0).reshape(len(joints), -1, len(shrunk), 3)
-        around = gaussian(frames_first, _MEMORY * fps).reshape(-1, len(shrunk), 3)
-        around = (1 - trust[shrunk]) * _unit(np.moveaxis(around, 0, -1))
-        steps[shrunk] = _unit(trusted + around)
-    steps *= lengths
-    for joint, parent in enumerate(parents[1:], start=1):
-        np.add(moved[parent], steps[joint], out=moved[joint])
-    even = np.moveaxis(moved, -1, 0).reshape(joints.shape)
-    return keep_knee_direction(even, joints, skeleton)
-
-
-@lru_cache(maxsize=16)
-def _pulls(
-    parents: tuple[int, ...],
-) -> list[tuple[Int[np.ndarray, "2 bones"], Float[np.ndarray, "2 bones 1 1"]]]:
-    """Returns the pulls of all rounds in their order, those that share no joint together.
-
-    A bone pulls after those before it with which it shares a joint, so the result is that of one
-    pull after another.
-
-    Returns:
-        Both ends of bones, the upper one last, and by which share of the pull they are moved.
-    """
-    count = len(parents)
-    # Joints of the trunk hardly move: those where bones branch, their ancestors, and the first of
-    # each limb. Turning the short bones between heavy parts a little would turn the whole body.
-    trunk = [parents.count(joint) > 1 for joint in range(count)]
-    for joint in reversed(range(1, count)):
-        trunk[parents[joint]] |= trunk[joint]
-    ease = [_TRUNK if trunk[j] or trunk[max(p, 0)] else 1.0 for j, p in enumerate(parents)]
-    turns: list[list[int]] = []
-    free = [0] * count
-    for _ in range(_ROUNDS):
-        for joint, parent in enumerate(parents[1:], start=1):
-            turn = max(free[joint], free[parent])
-            free[joint] = free[parent] = turn + 1
-            if turn == len(turns):
-                turns.append([])
-            turns[turn].append(joint)
-    ends = [np.array([turn, [parents[joint] for joint in turn]]) for turn in turns]
-    eases = [np.array(ease)[pair] for pair in ends]
-    shares = [each / each.sum(axis=0) * [[-1], [1]] for each in eases]
-    return [(pair, share[..., None, None]) for pair, share in zip(ends, shares, strict=True)]
-
-
-def _norm(vectors: Float[np.ndarray, "n 3 all"]) -> Float[np.ndarray, "n 1 all"]:
-    return np.sqrt(np.einsum("ncf,ncf->nf", vectors, vectors))[:, None]
-
-
-def _unit(vectors: Float[np.ndarray, "n 3 all"]) -> Float[np.ndarray, "n 3 all"]:
-    return vectors / np.maximum(_norm(vectors), 1e-12)

@@ -8,8 +8,8 @@ from the text encoder of a shipped model, which the card names.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import SHIPPED, Provenance, shipped_text_encoder
 from latentmotion.motion import Motion
 from latentmotion.representation import representation_named
+from latentmotion.representation.humanml3d import HumanML3DRepresentation
 from latentmotion.representation.interface import Representation
 from latentmotion.storage.configuration import read_json
 from latentmotion.text.encoder import LazyTextEncoder
@@ -117,10 +118,13 @@ class Scorer:
         text_tower = LazySession(place / TEXT_FILE, threads=1)
         return cls(card, place, motion_tower, text_tower, encoder)
 
-    @property
+    @cached_property
     def representation(self) -> Representation:
         """The motion features that it reads."""
-        return representation_named(self.card.representation)
+        features = representation_named(self.card.representation)
+        # Rotations follow from positions, so towers leave them out; they are a third of the time.
+        known = isinstance(features, HumanML3DRepresentation)
+        return replace(features, rotated=False) if known else features
 
     def texts(self, sentences: Sequence[str]) -> Float[np.ndarray, "sentences width"]:
         """Returns the vectors of sentences.

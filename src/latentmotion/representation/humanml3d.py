@@ -41,6 +41,8 @@ class HumanML3DRepresentation(Representation):
     """Joints whose bones make up the length of a leg."""
     still: float
     """A foot is in contact where its squared step is below this."""
+    rotated: bool = True
+    """Whether rotations are computed; else they are 0, for networks that do not read them."""
 
     @property
     def blocks(self) -> Mapping[str, slice]:
@@ -95,16 +97,19 @@ class HumanML3DRepresentation(Representation):
         half = half - pi * xp.round(half / pi)
         x, y, z = (poses[..., n] for n in range(3))
         centered = xp.stack([x - x[:, :1], y, z - z[:, :1]], axis=-1)
-        parents = [max(parent, 0) for parent in self.skeleton.parents]
-        above = tuple(0 if j in self.chain_starts else p for j, p in enumerate(parents))
-        bones = poses - poses[:, parents, :]
+        rotations = xp.zeros((steps.shape[0], 6 * (len(self.skeleton) - 1)), dtype=steps.dtype)
+        if self.rotated:
+            parents = [max(parent, 0) for parent in self.skeleton.parents]
+            above = tuple(0 if j in self.chain_starts else p for j, p in enumerate(parents))
+            bones = poses - poses[:, parents, :]
+            rotations = canonical.bone_rotations(bones, yaw[:-1], self.directions, above)[:, 1:, :]
         feet = steps[:, [*self.skeleton.left_foot, *self.skeleton.right_foot], :]
         blocks = [
             half,
             canonical.turn(steps[:, 0, :], -yaw[1:])[:, ::2],
             poses[:, 0, 1],
             canonical.turn(centered, -yaw[:-1, None])[:, 1:, :],
-            canonical.bone_rotations(bones, yaw[:-1], self.directions, above)[:, 1:, :],
+            rotations,
             canonical.turn(steps, -yaw[:-1, None]),
             xp.astype(xp.sum(feet * feet, axis=-1) < self.still, steps.dtype),
         ]

@@ -1,0 +1,130 @@
+"""Bones of constant length: a network places each joint by itself, so bone lengths vary.
+
+Each bone gets its median length, and the joints move as little as possible: one after another,
+every bone pulls its two ends to the right distance (position-based dynamics, Müller et al. 2007),
+ends in the limbs more than in the trunk; finally lengths are made exact from the root outward. The
+direction of a bone that has shrunk is uncertain, so it becomes the mean over the frames around it,
+weighted by length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from latentmotion.arrays import quantile
+from latentmotion.cleanup.leg_ik import keep_knee_direction
+from latentmotion.cleanup.smoothing import gaussian
+from latentmotion.kinematics.skeleton import Skeleton
+
+Parts = Sequence[Float[np.ndarray, "_ _ joints 3"]]
+"""Batches of motions, each of a length of its own."""
+
+# Rounds of pulls.
+_ROUNDS = 10
+# Share of its length below which a bone's direction is taken from its neighbors in time, too.
+_SHRUNK = 0.7
+
+# Standard deviation of the Gaussian over these neighbors, seconds.
+_MEMORY = 0.1
+
+# Stiffness of the trunk: movement of its joints relative to those of limbs.
+_TRUNK = 0.1
+
+
+def constant_bones(
+    joints: Float[np.ndarray, "frames *batch joints 3"], fps: float, skeleton: Skeleton
+) -> Float[np.ndarray, "frames *batch joints 3"]:
+    """Returns joints near the given ones whose bones have the same length in every frame."""
+    part = joints.reshape(len(joints), -1, *joints.shape[-2:])
+    return even_bones([part], fps, skeleton)[0].reshape(joints.shape)
+
+
+def even_bones(parts: Parts, fps: float, skeleton: Skeleton) -> Parts:
+    """Returns what `constant_bones` does for motions of several lengths, faster.
+
+    Frames do not depend on each other while bones pull, so those of all motions pull at once.
+    """
+    parents = [0, *skeleton.parents[1:]]
+    spans = [np.linalg.norm(part - part[..., parents, :], axis=-1) for part in parts]
+    medians = [np.broadcast_to(quantile(each, 0.5), each.shape) for each in spans]
+    # Joints and coordinates first, all frames of all motions last: long rows, which NumPy is quick
+    # with. The root is a bone of length 0.
+    moved, span, lengths = (
+        np.concatenate(
+            [np.moveaxis(x.reshape(-1, len(parents), n), 0, -1) for x in arrays], axis=-1
+        )
+        for arrays, n in ((parts, 3), (spans, 1), (medians, 1))
+    )
+    for ends, shares in _pulls(skeleton.parents):
+        places = moved.take(ends, axis=0)
+        bones = places[0] - places[1]
+        pull = bones * (1 - lengths.take(ends[0], axis=0) / np.maximum(_norm(bones), 1e-6))
+        moved[ends] = places + shares * pull
+    steps = _unit(moved - moved[parents])
+    # Bones that had shrunk point where their neighbors in time point.
+    trust = np.minimum(span / np.maximum(_SHRUNK * lengths, 1e-12), 1) ** 2
+    edges = np.cumsum([0, *(len(part) * part.shape[1] for part in parts)]).tolist()
+    for part, rows in zip(parts, map(slice, edges, edges[1:]), strict=False):
+        shrunk = np.flatnonzero(trust[1:, :, rows].min(axis=(1, 2)) < 1) + 1
+        if not len(shrunk):
+            continue
+        share = trust[shrunk, :, rows]
+        trusted = share * steps[shrunk, :, rows]
+        frames_first = np.moveaxis(trusted, -1, 0).reshape(len(part), -1, len(shrunk), 3)
+        around = gaussian(frames_first, _MEMORY * fps).reshape(-1, len(shrunk), 3)
+        around = (1 - share) * _unit(np.moveaxis(around, 0, -1))
+        steps[shrunk, :, rows] = _unit(trusted + around)
+    steps *= lengths
+    for joint, parent in enumerate(parents[1:], start=1):
+        np.add(moved[parent], steps[joint], out=moved[joint])
+    even = (np.moveaxis(moved[..., rows], -1, 0) for rows in map(slice, edges, edges[1:]))
+    return [
+        keep_knee_direction(each.reshape(part.shape), part, skeleton)
+        for each, part in zip(even, parts, strict=True)
+    ]
+
+
+@lru_cache(maxsize=16)
+def _pulls(
+    parents: tuple[int, ...],
+) -> list[tuple[Int[np.ndarray, "2 bones"], Float[np.ndarray, "2 bones 1 1"]]]:
+    """Returns the pulls of all rounds in their order, those that share no joint together.
+
+    A bone pulls after those before it with which it shares a joint, so the result is that of one
+    pull after another.
+
+    Returns:
+        Both ends of bones, the upper one last, and by which share of the pull they are moved.
+    """
+    count = len(parents)
+    # Joints of the trunk hardly move: those where bones branch, their ancestors, and the first of
+    # each limb. Turning the short bones between heavy parts a little would turn the whole body.
+    trunk = [parents.count(joint) > 1 for joint in range(count)]
+    for joint in reversed(range(1, count)):
+        trunk[parents[joint]] |= trunk[joint]
+    ease = [_TRUNK if trunk[j] or trunk[max(p, 0)] else 1.0 for j, p in enumerate(parents)]
+    turns: list[list[int]] = []
+    free = [0] * count
+    for _ in range(_ROUNDS):
+        for joint, parent in enumerate(parents[1:], start=1):
+            turn = max(free[joint], free[parent])
+            free[joint] = free[parent] = turn + 1
+            if turn == len(turns):
+                turns.append([])
+            turns[turn].append(joint)
+    ends = [np.array([turn, [parents[joint] for joint in turn]]) for turn in turns]
+    eases = [np.array(ease)[pair] for pair in ends]
+    shares = [each / each.sum(axis=0) * [[-1], [1]] for each in eases]
+    return [(pair, share[..., None, None]) for pair, share in zip(ends, shares, strict=True)]
+
+
+def _norm(vectors: Float[np.ndarray, "n 3 all"]) -> Float[np.ndarray, "n 1 all"]:
+    return np.sqrt(np.einsum("ncf,ncf->nf", vectors, vectors))[:, None]
+
+
+def _unit(vectors: Float[np.ndarray, "n 3 all"]) -> Float[np.ndarray, "n 3 all"]:
+    return vectors / np.maximum(_norm(vectors), 1e-12)
