@@ -11,9 +11,19 @@ import yaml
 
 from latentmotion.data.clip import Caption, Clip, Source, TaggedSentence
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.prepare import MIN_FRAMES, Preparation, encode, encode_all, merge
+from latentmotion.data.pack_file import read_pack
+from latentmotion.data.prepare import (
+    MIN_FRAMES,
+    Preparation,
+    corrected,
+    encode,
+    encode_all,
+    merge,
+)
 from latentmotion.data.recording import Dropped, EncodedRecording, Label, PosedRecording, Recording
 from latentmotion.data.report import REPORT, Part, PreparationReport, parts_of, read_report
+from latentmotion.data.sources import LABELS
+from latentmotion.data.sources.snu import held_out
 from latentmotion.data.store import MANIFEST, StoredClip, caption_rows, read_manifest
 from latentmotion.errors import DataError, InputError
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
@@ -21,6 +31,7 @@ from latentmotion.representation.smpl import SMPL_FEATURES
 from tests.support.mocap_folders import swaying
 from tests.support.moving_figures import joints_of
 
+PACK = Path(__file__).parents[2] / "data" / "starter.pack"
 MADE_UP = Source("made up", "CC0-1.0", "nobody")
 LABEL = Label("a", "made up", "a.bvh", "train", (TaggedSentence("he steps left"),))
 
@@ -64,6 +75,29 @@ def test_what_cannot_be_encoded_is_dropped_with_a_reason(change, reason: str) ->
 def test_what_was_dropped_before_stays_dropped() -> None:
     before = Dropped("b", "part", "why")
     assert list(encode_all([before], HUMANML3D_FEATURES)) == [before]
+
+
+def test_sentences_of_train_clips_are_corrected() -> None:
+    wrong = TaggedSentence("a person grabbed something with right hands and hanged on something")
+    mirrored = replace(wrong, text=wrong.text.replace("right", "left"))
+    right = TaggedSentence("the man is being acrobatic")
+    label = replace(LABEL, id="008252", sentences=(right, wrong), mirrored_sentences=(mirrored,))
+    assert corrected(label) == replace(label, sentences=(right,), mirrored_sentences=())
+    assert corrected(replace(label, split="test")) == replace(label, split="test")
+    soup = corrected(replace(LABEL, origin="79_42[24:224]", mirrored_sentences=LABEL.sentences))
+    for sentences in (soup.sentences, soup.mirrored_sentences):
+        assert sentences[-1] == TaggedSentence("a person eats soup with a spoon.")
+
+
+def test_corrections_are_of_train_clips_that_the_pack_has() -> None:
+    stored = read_pack(PACK).header.manifest.clips
+    clips = {clip.id: clip for clip in stored if clip.split == "train"}
+    trials = {clip.origin.partition("[")[0] for clip in clips.values()}
+    wrong, added = (LABELS["corrections"][name] for name in ("wrong", "added"))
+    assert not {*wrong, *added} & {*held_out()}
+    for name, texts in wrong.items():
+        assert texts and not {*texts} & {row[0] for row in clips[name].captions}
+    assert {*added} <= {*clips} | trials
 
 
 def test_captions_are_fitted_and_mirrored_ones_kept(tmp_path: Path) -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from latentmotion.data.clip import Source, fit_sentences
+from latentmotion.data.clip import Source, TaggedSentence, fit_sentences, mirror_sentence
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.quality import find_glitch
-from latentmotion.data.recording import Dropped, EncodedRecording, Recording
+from latentmotion.data.recording import Dropped, EncodedRecording, Label, Recording
 from latentmotion.data.report import (
     README,
     REPORT,
@@ -19,6 +20,7 @@ from latentmotion.data.report import (
     read_report,
     readme,
 )
+from latentmotion.data.sources import LABELS
 from latentmotion.data.store import (
     DatasetManifest,
     StoredClip,
@@ -65,6 +67,22 @@ def encode(recording: Recording, representation: Representation) -> EncodedRecor
     return EncodedRecording(recording.label, features, error_mm)
 
 
+def corrected(label: Label) -> Label:
+    """Returns the label of a train clip with the corrections of `sources/labels.toml`."""
+    if label.split != "train":
+        return label
+    wrong, added = LABELS["corrections"]["wrong"], LABELS["corrections"]["added"]
+    trial = label.origin.partition("[")[0]
+    further = [TaggedSentence(text) for name in (label.id, trial) for text in added.get(name, ())]
+    refused = [TaggedSentence(text) for text in wrong.get(label.id, ())]
+    mirrored = {mirror_sentence(sentence).text for sentence in refused}
+    right = [s for s in label.sentences if s.text not in {sentence.text for sentence in refused}]
+    sides = [s for s in label.mirrored_sentences if s.text not in mirrored]
+    if label.mirrored_sentences:
+        sides += map(mirror_sentence, further)
+    return replace(label, sentences=(*right, *further), mirrored_sentences=tuple(sides))
+
+
 class Preparation:
     """Collects motions one by one, then writes them as a folder.
 
@@ -84,7 +102,7 @@ class Preparation:
             if isinstance(item, Dropped):
                 self.dropped.append(item)
                 continue
-            label, frames = item.label, len(item.features)
+            label, frames = corrected(item.label), len(item.features)
             captions, reasons = fit_sentences(label.sentences, frames)
             mirrored, _ = fit_sentences(label.mirrored_sentences, frames)
             self.dropped += [Dropped(label.id, "caption", reason) for reason in reasons]
