@@ -599,8 +599,10 @@ class MotionPipeline(PickledByFields):
         reads = self.card.condition.reads_text
         _, most = (usual_range(sentence) if reads else None) or (0.0, np.inf)
         longest = min(self.card.frames[1], most * self.representation.fps)
+        # A count is of one of several movements, and the others may look like it.
+        counted = any_length and (start is None or start.movements == 1)
         return replace(
-            asked_exactly(sentence, any_length) if reads else NO_CORRECTIONS,
+            asked_exactly(sentence, counted) if reads else NO_CORRECTIONS,
             sharpens=True,
             # A clip has its own timing; slowed down where it is calm, it would lack its end.
             settles=start is None,
@@ -635,7 +637,7 @@ class MotionPipeline(PickledByFields):
         request.check(self.card, fps)
         start, clips = None, self.clip_starts if from_clip and sampling.steps > 1 else None
         if clips is not None:
-            start = clips.nearest_start(self.read(prompt), frames, seed)
+            start = clips.nearest_start(self.read(prompt), frames, request)
             request = replace(request, starts=(start.start,))
         motion, places = generate_directed(self, request, goals)
         if start is not None:
@@ -666,7 +668,7 @@ class MotionPipeline(PickledByFields):
         if not self.moves or not isinstance(self.condition, SentenceCondition):
             return None
         from latentmotion.retrieval.index import fingerprint, joined
-        from latentmotion.retrieval.starts import ClipStarts
+        from latentmotion.retrieval.starts import LONGEST_SAMPLED, ClipStarts
 
         # A sentence is read for its doubts, for its clips and for the takes of several seeds.
         text_encoder = MemoryCachedTextEncoder(self.condition.encoder, MAX_PROMPTS)
@@ -678,8 +680,17 @@ class MotionPipeline(PickledByFields):
                 self.decoder(backend.to_device(latents), backend.to_device(frames))
             )
 
+        def sample(sentence: str, request: GenerationRequest) -> np.ndarray:
+            usual = [
+                min(seconds, LONGEST_SAMPLED) for seconds in self.usual_seconds([sentence]) or ()
+            ]
+            frames = requests.frames_of(self.card, None, 1, self.representation.fps, usual or None)
+            one = GenerationRequest((sentence,), tuple(frames), request.seeds, request.sampling)
+            return self.generate(one)[0]
+
+        space = self.representation
         return ClipStarts(
-            self.card, index, text_encoder, self.feature_encoder, decode, self.representation
+            self.card, index, text_encoder, self.feature_encoder, decode, space, sample
         )
 
     @property

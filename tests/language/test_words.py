@@ -6,9 +6,11 @@ import pytest
 
 from latentmotion.language.reading import request_of
 from latentmotion.language.words import (
+    clauses_of,
     forms,
     match,
     plain,
+    present_participle,
     tokens_of,
     uncounted,
     with_words,
@@ -100,3 +102,34 @@ def test_words_are_replaced_as_words() -> None:
 )
 def test_a_sentence_without_its_counts(sentence: str, without: str) -> None:
     assert uncounted(sentence) == without
+
+
+_VERBS = "do stand pick take throw duck answer raise move wait lean climb change walk wave"
+_VOCABULARY = {
+    *_VERBS.split(),
+    *map(present_participle, _VERBS.split()),
+    *("man", "stone", "squats", "jump", "umbrella", "cup", "leg"),
+}
+
+
+@pytest.mark.parametrize(
+    ("sentence", "clauses"),
+    [
+        ("do three push-ups and stand up", ["do three push-ups", "stand up"]),
+        (
+            "A man picks up a stone, takes two steps, and then quickly throws it.",
+            ["A man picks up a stone", "takes two steps", "quickly throws it."],
+        ),
+        ("two squats followed by a jump", ["two squats", "a jump"]),
+        ("he ducks and answers with a hook", ["he ducks", "answers with a hook"]),
+        ("raises the left arm and the right leg", None),
+        ("moves the arms up and down", None),
+        ("stands waiting, leaning on one leg", None),
+        ("climbing a ladder and changing a bulb", ["climbing a ladder", "changing a bulb"]),
+        ("walks forward, waving", None),
+        ("picks up a cup and umbrellas", None),
+        ("", None),
+    ],
+)
+def test_clauses_have_verbs_of_their_own(sentence: str, clauses: list[str] | None) -> None:
+    assert clauses_of(sentence, _VOCABULARY.__contains__) == (clauses or [sentence])

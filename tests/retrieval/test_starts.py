@@ -105,16 +105,48 @@ def test_a_named_side_takes_the_mirror_image_of_the_clip(fast):
     assert [m.metadata["from_clips"][0]["mirrored"] for m in motions].count(True) == 1
 
 
-def test_movements_in_a_row_start_from_a_clip_each(fast):
-    (motion,) = fast.batch("a person drinks from a cup, then does a cartwheel", seeds=[0])
+@pytest.mark.parametrize("joint", [", then ", " and ", ", "])
+def test_movements_in_a_row_start_from_a_clip_each(fast, joint):
+    (motion,) = fast.batch(f"a person drinks from a cup{joint}does a cartwheel", seeds=[0])
     assert len(motion.metadata["from_clips"]) == 2
 
 
-def test_who_walks_first_starts_from_a_walk(fast):
-    texts = ["a person walks, then salutes", "walks to a chair and sits down", "salute"]
-    clips = [fast.batch([text], seeds=[0])[0].metadata["from_clips"] for text in texts]
-    assert [len(each) for each in clips] == [2, 1, 1]
-    assert "walk" in clips[0][0]["caption"] and "salute" in clips[0][1]["caption"]
+@pytest.mark.parametrize(
+    ("sentence", "captions"),
+    [
+        ("do three push-ups and stand up", ["push-ups", "stand up"]),
+        ("ducks under a punch and answers with an uppercut", ["punches", "uppercut"]),
+        ("dribbles a basketball, stops and shoots", ["dribbl", None, "hoop"]),  # not a gun
+        (
+            "tosses the ball up and serves",
+            ["tosses the ball and serves"],
+        ),  # a caption tells of both
+        ("nearly falls, catches himself", ["trips and catches himself"]),
+        ("opens the door, bends to look inside, and closes it again", ["door", "bends down"]),
+    ],
+)
+def test_clauses_start_from_clips_of_their_own_unless_one_tells_of_all(fast, sentence, captions):
+    choices = fast.clip_starts.choices(fast.read(sentence))
+    assert len(choices) == len(captions)
+    for choice, caption in zip(choices, captions, strict=True):
+        texts = [neighbor.caption.text for neighbor in choice.neighbors]
+        assert not texts if caption is None else caption in texts[0]
+
+
+def test_who_does_push_ups_and_stands_up_rises_without_a_jump(fast):
+    (motion,) = fast.batch(["do three push-ups and stand up"], seeds=[0])
+    height = motion.joints[:, 0, 1]
+    assert height[: len(height) // 3].max() < 0.5 and height[-10:].min() > 0.8
+    assert np.abs(np.diff(height)).max() * motion.fps < 1.5  # m/s
+
+
+def test_who_walks_before_a_rare_movement_goes_some_way(fast):
+    walk, stand = fast.batch(["a person walks, then salutes", "salute"], seeds=[0, 0])
+    for motion in (walk, stand):
+        (clip,) = motion.metadata["from_clips"]
+        assert "salute" in clip["caption"]
+    gone = [np.linalg.norm(m.joints[-1, 0] - m.joints[0, 0]) for m in (walk, stand)]
+    assert gone[0] > 1.0 > gone[1] and len(walk) > len(stand)
 
 
 def test_a_recording_starts_after_its_calibration(fast):

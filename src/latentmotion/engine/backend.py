@@ -71,7 +71,7 @@ class Batch:
     """True on real frames."""
     start: Float[Any, "batch tokens width"] | None = None
     """Latents of the clips that sampling starts from; None for pure noise."""
-    kept: Float[Any, "batch 1 1"] | None = None
+    kept: Float[Any, "batch tokens 1"] | None = None
     """Share of them in the result."""
 
     @property

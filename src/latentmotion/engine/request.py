@@ -33,9 +33,9 @@ class Start:
     """z_0, in the denoiser's scale."""
     share: float
     """Share of the sampling steps that remain: 0 keeps the latents, 1 is pure noise."""
-    kept: float = 0.0
-    """Share of z_0 in the result, with which the sampled latents are mixed: few steps have no
-    time between the last and the end at which less would change."""
+    kept: Float[np.ndarray, " tokens"] | None = None
+    """Share of z_0 in the result, by default none, with which the sampled latents are mixed: few
+    steps have no time between the last and the end at which less would change."""
 
     def remaining(self, steps: int) -> int:
         """Returns how many of so many steps remain: at least one."""
@@ -170,11 +170,11 @@ def with_starts(
         backend: Device of the arrays.
     """
     latents = np.zeros(tuple(batch.noise.shape), np.float32)
-    for row, start in zip(latents, starts, strict=False):
+    shares = np.zeros((*latents.shape[:2], 1), np.float32)
+    for row, start in enumerate(starts):
         if start is not None:
-            row[: len(start.latents)] = start.latents
-    shares = np.zeros((len(latents), 1, 1), np.float32)
-    shares[: len(starts), 0, 0] = [start.kept if start is not None else 0.0 for start in starts]
+            latents[row, : len(start.latents)] = start.latents
+            shares[row, : len(start.latents), 0] = 0.0 if start.kept is None else start.kept
     z0 = backend.to_device(latents)
     noised = schedule.alpha(time) * z0 + schedule.sigma(time) * batch.noise
     return replace(batch, noise=noised, start=z0, kept=backend.to_device(shares))

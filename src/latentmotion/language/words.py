@@ -12,7 +12,7 @@ lemminflect unpickles its models, simplemma takes 19 MB, and inflect knows parti
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import dropwhile
@@ -91,6 +91,64 @@ def with_words(sentence: str, others: Mapping[str, str]) -> str:
 def parts_of(sentence: str) -> list[str]:
     """Returns the movements of a sentence that follow each other, in order."""
     return [part for part in THEN.split(sentence) if part.strip()] or [sentence]
+
+
+def clauses_of(sentence: str, is_known: Callable[[str], bool]) -> list[str]:
+    """Returns the clauses of a sentence that have a verb of their own, in order.
+
+    They follow each other, or are joined by "and", "followed by" or a comma: "picks up a stone,
+    takes two steps and throws it". A verb has the form of one before it, so that neither "raises
+    the left arm and the right leg" nor "stands on one leg, waving" has two.
+
+    Args:
+        sentence: The sentence.
+        is_known: Whether a word exists, so that "sheathes" is a verb and "umbrellas" is none.
+    """
+    clauses: list[str] = []
+    for part in parts_of(sentence):
+        tokens, first = tokens_of(part), 0
+        for at, token in enumerate(tokens):
+            followed = token.text == "followed" and at + 1 < len(tokens)
+            if at <= first or not (followed or token.text in (",", "and")):
+                continue
+            verb = next((n for n in range(at + 1, len(tokens)) if not _leads(tokens[n])), at)
+            before = [_verb_forms(other.text, is_known) for other in tokens[first:at]]
+            more = verb + 1 < len(tokens) and tokens[verb + 1].text not in STOPS
+            same = _verb_forms(tokens[verb].text, is_known, more) & frozenset().union(*before)
+            if "and" not in {other.text for other in tokens[at:verb]}:
+                same -= {"participle"}  # "stands waiting, leaning on one leg"
+            if verb > at and (followed or same):
+                clauses.append(part[tokens[first].start : tokens[at - 1].end])
+                first = verb
+        clauses.append(part[tokens[first].start :] if tokens else part)
+    return clauses
+
+
+def _leads(token: Token) -> bool:
+    """Whether a word or mark stands before the verb of a clause that is joined to another."""
+    subjects = ("and", "by", "then", "finally", "he", "she", "they", "it")
+    return token.text in subjects or token.text in STOPS or token.text.endswith("ly")
+
+
+def _verb_forms(word: str, is_known: Callable[[str], bool], more: bool = False) -> frozenset[str]:
+    """Returns which forms of verbs a word may be, as `forms` names them.
+
+    Args:
+        word: The word.
+        is_known: Whether a word exists.
+        more: Whether words follow that could be its object, so that it may be a rare verb, whose
+            other forms are not known.
+    """
+    if word in listed("no_verb") | listed("determiner") | listed("preposition"):
+        return frozenset()
+    bases = (base for base in other_forms(word) if word in forms(base) and is_known(base))
+    return frozenset(
+        forms(base)[word]
+        for base in bases
+        if forms(base)[word] != "past" or more  # "punched and dazed"
+        if (more and forms(base)[word] == "third" and len(base) > 3)
+        or any(is_known(inflect(base, form)) for form in ("participle", "past"))
+    )
 
 
 def uncounted(sentence: str) -> str:

@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -28,14 +29,15 @@ from latentmotion.language.acts import lookups
 from latentmotion.language.claims import Claim, both_sides, kinds
 from latentmotion.language.reading import asked_exactly, request_of, usual_range
 from latentmotion.language.words import (
+    clauses_of,
     content_words,
     listed,
     named_sides,
     other_forms,
-    parts_of,
-    tokens_of,
+    words_of,
 )
 from latentmotion.model.card import ModelCard
+from latentmotion.representation.canonical import heading, turn
 from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.doubts import Doubts, Reading
 from latentmotion.retrieval.index import (
@@ -48,6 +50,7 @@ from latentmotion.retrieval.index import (
     IndexedCaption,
     Neighbor,
 )
+from latentmotion.text.encoder import pieces
 
 UNRELATED, UNRELATED_OF_DRAWN = 0.55, 0.4
 """Cosine up to which a caption says nothing of what a sentence asks for; the short sentences of
@@ -66,6 +69,14 @@ LEAST_SAID, LEAST_WEIGHT = 0.45, 4.0
 """Least part of the weight of a sentence's words, and of its weightiest word, that the caption of a
 drawn clip must have to be started from for its words alone."""
 
+LEAST_TOLD, MEAN_TOLD, EQUAL = 0.38, 0.54, 0.01
+"""Cosine of a caption with each clause of a sentence, and with all on average, from which it tells
+of all of them; difference of cosines that codes of embeddings do not show."""
+
+CONTEXT = 0.6
+"""Weight of the embedding of a sentence beside that of a single word of it: with 0.5 archers shoot
+with rifles, with 0.7 other words are outweighed."""
+
 SHARES = ((SHOWN, 0.25, 0.7), (5, 0.25, 0.0), (RARE, 0.5, 0.0))
 """Largest support, share of the sampling steps that are left after a start, and share of the clip
 that stays in the result: the more the denoiser knows of a movement, the more it may change. What
@@ -80,9 +91,11 @@ MOST_CHOICES = 4
 LONGEST_STRETCH = 1.4
 """Factor by which a clip may be slowed down or sped up; beyond it is repeated or cut."""
 
-# Meters from which a clip goes somewhere; seconds of a walk before another act; captions among
-# which one is looked for.
-_WAY, _WALKS, _CAPTIONS_OF_WALKS = 1.2, (1.8, 4.0), 100
+# Speed at which the joints go from one movement to the next, m/s; most seconds of it.
+_SEAM, _LONGEST_SEAM = 0.6, 1.6
+
+# Most seconds of a movement that is sampled beside others from clips.
+LONGEST_SAMPLED = 4.0
 
 # Cosine of both upper limbs with the line between the shoulders, and seconds of it at the start,
 # from which a recording begins with a calibration.
@@ -94,9 +107,12 @@ class Choice:
     """Captions near a movement of a sentence, and how many clips show it."""
 
     neighbors: tuple[Neighbor, ...]
-    """The nearest, and those that are nearly as near; their clips take turns."""
+    """The nearest, and those that are nearly as near, whose clips take turns; none for a movement
+    that is sampled from noise beside others from clips."""
     support: int
     """About how many clips show the movement."""
+    sentence: str
+    """What says the movement."""
 
     @property
     def cosine(self) -> float:
@@ -115,6 +131,10 @@ class Choice:
         return self.neighbors[0].is_near
 
 
+Span = tuple[tuple[str, ...], Choice]
+"""Clauses of a sentence in a row, and clips near them."""
+
+
 @dataclass(frozen=True)
 class ClipStart:
     """Latents of one clip or of several in a row, and what they are of."""
@@ -125,6 +145,8 @@ class ClipStart:
     """Length of the motion."""
     clips: tuple[dict[str, Any], ...]
     """Clips with their owners and terms, as JSON can hold them."""
+    movements: int
+    """How many follow each other."""
     advantage: float
     """How much likelier the motion shows what is asked than one from noise, 0 to 1: the nearness of
     sentence and caption, less where many clips support it."""
@@ -150,6 +172,8 @@ class ClipStarts:
     """Latents and mask of frames to features: decodes the clips that are mirrored."""
     representation: Representation
     """Mirrors features."""
+    sample: Callable[[str, GenerationRequest], np.ndarray]
+    """Features of one movement of a sentence, sampled from noise as a request says."""
 
     @property
     def doubts(self) -> Doubts:
@@ -167,71 +191,111 @@ class ClipStarts:
     def choices(self, reading: Reading) -> list[Choice]:
         """Returns clips to start from, for each movement of a sentence that follows another.
 
+        Of several movements each starts as it would alone: one that is not rare has no neighbors,
+        and is sampled from noise.
+
+        Returns:
+            Nothing where no movement starts from a clip.
+        """
+        movements = self._movements(reading.prompt)
+        if len(movements) == 1:
+            choice = self._rare(movements[0], reading, reading.sentence)
+            return [choice] if choice else []
+        movements = [choice for choice in movements if _is_made(choice)]
+        starts = [self._rare(choice, reading, choice.sentence) for choice in movements]
+        if not any(starts):
+            return []
+        every = zip(starts, movements, strict=True)
+        return [start or self._beside(choice) for start, choice in every]
+
+    def _beside(self, choice: Choice) -> Choice:
+        """Returns what a movement that is not rare starts from beside rare ones.
+
+        Not the best of several takes is kept of it, so that a clip shows it more surely than noise;
+        not of the most common ones, whose captions say little of their clips.
+        """
+        exact = asked_exactly(choice.sentence, any_length=True) != NO_CORRECTIONS
+        alike = choice.cosine >= NEARLY_ALIKE and choice.support <= OFTEN
+        return choice if alike and not exact else replace(choice, neighbors=())
+
+    def _rare(self, choice: Choice, reading: Reading, sentence: str) -> Choice | None:
+        """Returns the clips of a movement that starts from clips, None for one from noise.
+
         A sentence in words of its own claims nothing that a clip could spoil, so that its movement
         may be less rare.
 
-        Returns:
-            Nothing where no movement is rare, or where a rare one has no clip near enough.
+        Args:
+            choice: Clips near the movement.
+            reading: The sentence.
+            sentence: What says how often the movement is done.
         """
-        parts = [self._choice(part) for part in parts_of(reading.prompt)]
-        whole = self._choice(reading.prompt) if len(parts) > 1 else parts[0]
-        # A caption that tells of all movements in a row is nearer than captions of each; one that
-        # is nearer to a single movement tells of that alone.
-        texts = {part.neighbors[0].caption.text: part.cosine for part in parts}
-        alone = len(texts) > 1 and texts.get(whole.neighbors[0].caption.text, 0) >= whole.cosine
-        if whole.cosine >= min(part.cosine for part in parts) and not alone:
-            parts = [whole]
-        support = min(part.support for part in parts)
         # Noise has the count or the turn that a sentence asks for exactly more often than a clip,
         # but for a clip that was shown for it, or drawn for the same.
-        exactly = asked_exactly(reading.sentence, any_length=True)
-        captions = (
-            asked_exactly(part.neighbors[0].caption.text, any_length=True) for part in parts
-        )
-        shown = all(part.support == SHOWN for part in parts)
-        drawn = all(part.is_given for part in parts) and exactly in captions
-        exact = exactly != NO_CORRECTIONS and not (shown or drawn)
-        rare = support <= (USUAL if reading.caption else RARE) and not exact
-        if not (rare and all(part.is_near for part in parts)):
-            said = None if exact else self._said(reading.prompt)
-            return [Choice((said,), DRAWN)] if said else []
-        walk = self._approach(reading.prompt, parts)
-        # A part for the walk may be there, by a clip that stays on the spot.
-        instead = len(parts) > 1 and bool(_gaits_of(parts[0].neighbors[0].caption.text))
-        return [*walk, *parts[1 if walk and instead else 0 :]]
+        exactly = asked_exactly(sentence, any_length=True)
+        same = exactly == asked_exactly(choice.neighbors[0].caption.text, any_length=True)
+        given = choice.support == SHOWN or (choice.is_given and same)
+        exact = exactly != NO_CORRECTIONS and not given
+        rare = choice.support <= (USUAL if reading.caption else RARE) and not exact
+        if rare and choice.is_near:
+            return choice
+        said = None if exact else self._said(choice.sentence)
+        return Choice((said,), DRAWN, choice.sentence) if said else None
 
-    def _approach(self, sentence: str, parts: Sequence[Choice]) -> list[Choice]:
-        """Returns a walk to begin with, where a sentence begins with one that its clips lack.
+    def _movements(self, sentence: str) -> list[Choice]:
+        """Returns clips near each movement of a sentence.
 
-        Clips of single acts stand: "walks to the fridge and drinks" is nearest to drinking alone.
+        Clauses are one movement where a caption tells of all of them: it is nearer to them together
+        than to any alone, and as near as others are to each alone.
         """
-        ends = (t.start for t in tokens_of(sentence) if t.text in listed("then") | {"and", ","})
-        head = sentence[: next(ends, 0)].strip()
-        gaits = _gaits_of(head)
-        if len(gaits) != 1 or gaits[0].direction == "place":
-            return []
-        for neighbor in (neighbor for part in parts for neighbor in part.neighbors):
-            caption = neighbor.caption
-            goes = any(gait.direction != "place" for gait in _gaits_of(caption.text))
-            if goes or caption.support == SHOWN or self._goes(neighbor):
-                return []
-        frames_per_token = self.card.latents.frames_per_token or 1
-        walks: list[Neighbor] = []
-        for near in self.index.nearest(self._sides(head), _CAPTIONS_OF_WALKS):
-            claims = request_of(near.caption.text).claims
-            same = [(claim.kind, claim.direction in ("", "forward")) for claim in claims]
-            seconds = len(self.index.latents_of(near.caption)) * frames_per_token
-            seconds /= self.representation.fps
-            if same == [(gaits[0].kind, True)] and _WALKS[0] <= seconds <= _WALKS[1]:
-                walks += [near] if self._goes(near) else []
-            if len(walks) == MOST_CHOICES:
+        clauses = clauses_of(sentence, self._is_word)
+        done = [clause for clause in clauses if listed("barely").isdisjoint(words_of(clause))]
+        if not done or len(clauses) == 1:
+            return [self._choice(sentence)]
+        if len(done) == 1:  # "nearly falls, catches himself"
+            return [self._choice(done[0])]
+        spans: list[Span] = [((clause,), self._choice(clause, sentence)) for clause in done]
+        whole, said = (tuple(done), self._choice(sentence)), self._said(sentence)
+        shown = whole[1].is_given and whole[1].neighbors[0].caption.support == SHOWN
+        if shown or self._tells(whole, spans):
+            return [whole[1]]
+        if said and _names(said.caption.text, done):
+            return [Choice((said,), DRAWN, sentence)]
+        while len(spans) > 2:
+            pairs = [self._together(sentence, *pair) for pair in pairwise(spans)]
+            told = [n for n, pair in enumerate(pairs) if self._tells(pair, spans[n : n + 2])]
+            if not told:
                 break
-        return [Choice(tuple(walks), self.index.support(self._sides(head)))] if walks else []
+            n = max(told, key=lambda n: pairs[n][1].cosine)
+            spans[n : n + 2] = [pairs[n]]
+        return [choice for _, choice in spans]
 
-    def _goes(self, neighbor: Neighbor) -> bool:
-        """Whether a clip goes some way over the floor."""
-        joints = self.representation.decode(self._features(neighbor.caption))
-        return float(np.linalg.norm(np.diff(joints[:, 0, ::2], axis=0), axis=-1).sum()) > _WAY
+    def _together(self, sentence: str, one: Span, other: Span) -> Span:
+        """Returns neighboring spans as one."""
+        clauses = (*one[0], *other[0])
+        start = sentence.index(clauses[0])
+        end = sentence.index(clauses[-1], start + len(clauses[0])) + len(clauses[-1])
+        return clauses, self._choice(sentence[start:end])
+
+    def _tells(self, span: Span, parts: Sequence[Span]) -> bool:
+        """Whether the caption nearest to a span of clauses tells of all of them."""
+        clauses, choice = span
+        caption = choice.neighbors[0].caption
+        if caption.support == DRAWN and choice.is_near and _names(caption.text, clauses):
+            return True
+        number = next(n for n, other in enumerate(self.index.captions) if other is caption)
+        told = [
+            max(self.index.neighbor(number, self._sides(text)).cosine for text in lookups(clause))
+            for clause in clauses
+        ]
+        if max(told) >= choice.cosine:
+            return False
+        near = choice.cosine >= min(part.cosine for _, part in parts) - EQUAL
+        near = near and min(told) >= LEAST_TOLD and sum(told) >= MEAN_TOLD * len(told)
+        return near or choice.cosine >= ALIKE_WORDS
+
+    def _is_word(self, word: str) -> bool:
+        """Whether captions have a word, or the text encoder reads it in one piece."""
+        return word in self.index.words or len(pieces(self.text_encoder, word)) == 1
 
     def _features(self, caption: IndexedCaption) -> Float[np.ndarray, "frames features"]:
         latents = self.index.latents_of(caption)
@@ -253,8 +317,18 @@ class ClipStarts:
         usual = frames >= _CALIBRATION * self.representation.fps and 2 * frames < len(features)
         return -(-frames // per_token) if usual else 0
 
-    def _choice(self, sentence: str) -> Choice:
-        versions = (self._sides(text) for text in lookups(sentence))
+    def _choice(self, sentence: str, context: str = "") -> Choice:
+        """Returns clips near a movement.
+
+        Args:
+            sentence: The movement.
+            context: The sentence that it is a part of, which says what a single word means:
+                "draws a bow and shoots".
+        """
+        versions = [self._sides(text) for text in lookups(sentence)]
+        if context and len(set(words_of(sentence)) - listed("person")) == 1:
+            meant = CONTEXT * self._sides(context)[0]
+            versions = [unit(sides + meant) for sides in versions]
         nearest = [(sides, self.index.nearest(sides, MOST_CHOICES)) for sides in versions]
         sides, near = max(nearest, key=lambda version: version[1][0].cosine)
         alike = [neighbor for neighbor in near if neighbor.cosine >= near[0].cosine - ALIKE]
@@ -280,7 +354,7 @@ class ClipStarts:
         else:
             first = alike[0].caption.support == DRAWN
             same = drawn if first else [n for n in alike if n not in drawn]
-        return Choice(tuple(self._on_side(neighbor, sentence) for neighbor in same), support)
+        return Choice(tuple(self._on_side(n, sentence) for n in same), support, sentence)
 
     @cached_property
     def _said_by_drawn(self) -> list[tuple[frozenset[str], int]]:
@@ -356,31 +430,31 @@ class ClipStarts:
             self.start(
                 choices[reading],
                 None if any_length else frames,
-                seed,
+                request.take([row]),
                 usual_range(reading.sentence) if any_length else None,
             )
             if take and choices[reading]
             else None
-            for reading, frames, seed, take, any_length in zip(
-                readings, request.frames, request.seeds, wanted, free, strict=True
+            for row, (reading, frames, take, any_length) in enumerate(
+                zip(readings, request.frames, wanted, free, strict=True)
             )
         ]
 
-    def nearest_start(self, reading: Reading, frames: int, seed: int) -> ClipStart:
+    def nearest_start(self, reading: Reading, frames: int, request: GenerationRequest) -> ClipStart:
         """Returns a start from the clips nearest to a sentence, however usual its movement is.
 
         Args:
             reading: The sentence.
             frames: Length of the motion.
-            seed: Takes turns among the clips.
+            request: The motion; its seed takes turns among the clips.
         """
-        return self.start([self._choice(reading.prompt)], frames, seed)
+        return self.start([self._choice(reading.prompt)], frames, request)
 
     def start(
         self,
         choices: Sequence[Choice],
         frames: int | None,
-        seed: int,
+        request: GenerationRequest,
         limits: tuple[float, float] | None = None,
     ) -> ClipStart:
         """Returns what a motion starts from.
@@ -388,35 +462,51 @@ class ClipStarts:
         Args:
             choices: Clips for each movement of the sentence.
             frames: Length of the motion; by default that of the clips.
-            seed: Takes turns among them.
+            request: The motion; its seed takes turns among them.
             limits: Seconds that what the sentence asks for lasts at least and at most; a longer
                 clip is made as short.
         """
-        chosen = [choice.neighbors[seed % len(choice.neighbors)] for choice in choices]
+        (seed,) = request.seeds
+        near = [choice for choice in choices if choice.neighbors]
+        chosen = [
+            choice.neighbors[seed % len(choice.neighbors)] if choice.neighbors else None
+            for choice in choices
+        ]
         shortest, longest = self.card.frames
         per_token = self.card.latents.frames_per_token or 1
-        parts = [self._latents(neighbor) for neighbor in chosen]
+        parts = [
+            self._latents(neighbor) if neighbor else self._sampled(choice, request)
+            for neighbor, choice in zip(chosen, choices, strict=True)
+        ]
+        seams = [self._seam(*pair) for pair in pairwise(parts)]
         if frames is None:
-            frames = sum(map(len, parts)) * per_token
+            frames = (sum(map(len, parts)) + sum(seams)) * per_token
             shown = any(choice.support == SHOWN for choice in choices)
-            most = limits[1] * self.representation.fps if limits and not shown else longest
+            usual = limits and not shown and len(choices) == 1
+            most = limits[1] * self.representation.fps if limits and usual else longest
             frames = int(min(max(frames, shortest), longest, most))
-        tokens = self.card.latents.tokens_of(frames)
+        tokens = self.card.latents.tokens_of(frames) - sum(seams)
         shares = np.cumsum([0, *map(len, parts)]) / sum(map(len, parts))
         ends = np.round(shares * tokens).astype(int)
         latents = [
             stretched(part, max(int(end - start), 1))
             for part, start, end in zip(parts, ends, ends[1:], strict=False)
         ]
-        joined = np.concatenate(latents)[:tokens]
-        about = tuple(self.index.about(neighbor) for neighbor in chosen)
-        rarest = min(choices, key=lambda choice: choice.support)
+        about = tuple(self.index.about(neighbor) for neighbor in chosen if neighbor)
+        rarest = min(near, key=lambda choice: choice.support)
         support = rarest.support
         left, keep = next(((s, k) for most, s, k in SHARES if support <= most), SHARES[-1][1:])
+        joined, kept = latents[0], np.full(len(latents[0]), keep)
+        for part, seam in zip(latents[1:], seams, strict=True):
+            joined = bridged(joined, part, seam)
+            kept = np.concatenate([kept, np.zeros(seam), np.full(len(part), keep)])
+        if len(choices) > 1:  # each movement is as it is wanted but for the seams between
+            left, keep = SHARES[0][1:]
+            kept = np.where(kept > 0, keep, 0.0)
         usual = USUAL / (USUAL + max(support, 0))
         unrelated = UNRELATED_OF_DRAWN if support == DRAWN else UNRELATED
         likely = max(rarest.cosine - unrelated, 0.0) / (1 - unrelated)
-        return ClipStart(Start(joined, left, keep), frames, about, likely * usual)
+        return ClipStart(Start(joined, left, kept), frames, about, len(choices), likely * usual)
 
     def _latents(self, neighbor: Neighbor) -> Float[np.ndarray, "tokens width"]:
         """Returns the latents of a neighbor's clip, or of its mirror image."""
@@ -429,6 +519,58 @@ class ClipStarts:
         if neighbor.mirrored:
             latents = self.encoder(self.representation.mirror(features))[: len(latents)]
         return latents[begin:]
+
+    def _sampled(
+        self, choice: Choice, request: GenerationRequest
+    ) -> Float[np.ndarray, "tokens width"]:
+        """Returns the latents of a movement that is sampled from noise."""
+        return self.encoder(self.sample(choice.sentence, request))
+
+    def _seam(
+        self, before: Float[np.ndarray, "_ width"], after: Float[np.ndarray, "_ width"]
+    ) -> int:
+        """Returns how many tokens lie between two movements, so that joints have time to go over.
+
+        Poses are compared in the way that they face, above the same place.
+        """
+        space, per_token = self.representation, self.card.latents.frames_per_token or 1
+        poses = []
+        for latents, frame in ((before, -1), (after, 0)):
+            features = self.decode(latents[None], prefix_mask([len(latents) * per_token]))[0]
+            joints = space.decode(features)[frame].astype(np.float64)
+            joints[:, [0, 2]] -= joints[0, [0, 2]]
+            poses.append(turn(joints, -heading(joints, space.skeleton)))
+        apart = float(np.linalg.norm(poses[1] - poses[0], axis=-1).mean())
+        seconds = min(apart / _SEAM, _LONGEST_SEAM)
+        return max(round(seconds * space.fps / per_token), 1)
+
+
+def bridged(
+    before: Float[np.ndarray, "_ width"], after: Float[np.ndarray, "_ width"], tokens: int
+) -> Float[np.ndarray, "longer width"]:
+    """Returns latents in a row with some between, which go evenly from the last to the first."""
+    share = np.linspace(0, 1, tokens + 2, dtype=before.dtype)[1:-1, None]
+    return np.concatenate([before, before[-1] * (1 - share) + after[0] * share, after])
+
+
+def _names(caption: str, clauses: Sequence[str]) -> bool:
+    """Whether a caption has a content word of the first clause, and the verb of each other."""
+    words = {form for word in words_of(caption) for form in other_forms(word) | {word}}
+    first, *others = (
+        [word for word in words_of(clause) if word in content_words(clause)] for clause in clauses
+    )
+    return not words.isdisjoint(first) and all(words.issuperset(other[:1]) for other in others)
+
+
+def _is_made(choice: Choice) -> bool:
+    """Whether a movement beside others is made at all: a clip or a claim is near it.
+
+    A few words about what is before them ("lower it") are near by chance.
+    """
+    words = words_of(choice.sentence)
+    refers = len(words) <= 3 and not {"it", "them"}.isdisjoint(words)
+    near = choice.is_near and (choice.cosine >= NEARLY_ALIKE or not refers)
+    return near or bool(request_of(choice.sentence).claims)
 
 
 def _most_beside(drawn: Neighbor, nearest: bool) -> float:
