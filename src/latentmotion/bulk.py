@@ -27,9 +27,9 @@ from latentmotion.condition import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine import request as requests
 from latentmotion.errors import FileFormatError, InputError, MissingExtraError, ModelError
-from latentmotion.formats import fbx
+from latentmotion.formats import EngineName, fbx
 from latentmotion.formats.content import encoded
-from latentmotion.formats.engines import EngineName, for_engine
+from latentmotion.formats.engines import for_engine
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_model
 from latentmotion.motion import Motion

@@ -9,7 +9,7 @@ import pytest
 
 from latentmotion import formats
 from latentmotion.errors import FileFormatError, InputError
-from latentmotion.formats import npz
+from latentmotion.formats import bvh, npz, numbered
 from latentmotion.formats.bvh import BvhLayout, continuous_euler, hierarchy_lines, read_hierarchy
 from latentmotion.formats.checks import (
     numbers,
@@ -17,7 +17,7 @@ from latentmotion.formats.checks import (
     table,
     whole_rate,
 )
-from latentmotion.formats.takes import SkeletonTake, motion_of, numbered, write_bvh_files
+from latentmotion.formats.takes import SkeletonTake, motion_of
 from latentmotion.kinematics.rotations import matrix_from_axis_angle, matrix_from_euler
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation, Skeleton
 from latentmotion.motion import Motion
@@ -101,7 +101,7 @@ def test_our_own_skeletons_are_known_by_their_joints(skeleton: Skeleton) -> None
 
 def test_takes_as_bvh_files(tmp_path: Path) -> None:
     motions = [Motion(figure(0.5, turn=turn).astype("f4"), 20.0) for turn in (0.0, 40.0)]
-    paths = write_bvh_files(tmp_path / "out.bvh", motions)
+    paths = bvh.write(tmp_path / "out.bvh", motions)
     assert [path.name for path in paths] == ["out-1.bvh", "out-2.bvh"]
     for path, motion in zip(paths, motions, strict=True):
         (back,) = formats.load(path)

@@ -13,7 +13,7 @@ from latentmotion.bulk import ROWS, BulkGeneration, Format, work_of
 from latentmotion.cli import options
 from latentmotion.cli.loading import load_generator
 from latentmotion.errors import InputError
-from latentmotion.formats.engines import EngineName
+from latentmotion.formats import EngineName
 from latentmotion.model.card import DEFAULT
 from latentmotion.storage import shards
 from latentmotion.storage.shards import folder_at

@@ -15,7 +15,6 @@ from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.cli import options
 from latentmotion.cli.loading import load_generator, load_prior
 from latentmotion.errors import InputError
-from latentmotion.formats.engines import ENGINES, EngineName, for_engine
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_or_download, read_card
 from latentmotion.motion import Motion
@@ -161,7 +160,7 @@ class Generate:
     samples in at most 16 steps, otherwise 1."""
     fps: float | None = None
     """Frames per second of the files, e.g. 24, 25, 30, 60 or 120; by default the model's own."""
-    preset: EngineName | None = None
+    preset: formats.EngineName | None = None
     """Write figures for other programs. unreal, unity: the engine's names of bones, root motion on
     a root bone; .glb, .gltf, .fbx and .bvh. lafan, cmu: .bvh as readers of these data sets expect
     it. 30 frames per second (cmu: 120) unless --fps says otherwise."""
@@ -198,7 +197,11 @@ class Generate:
         default = next((page for page in pages if not page.exists()), Path("motion.html"))
         outputs = self.output or (default,)
         options.check_outputs(outputs)
-        engine = ENGINES[self.preset] if self.preset else None
+        engine = None
+        if self.preset:
+            from latentmotion.formats.engines import engines, for_engine
+
+            engine = engines()[self.preset]
         for path in outputs:
             if engine and engine.endings and path.suffix.lower() not in engine.endings:
                 expected = f"expected {' or '.join(engine.endings)}"

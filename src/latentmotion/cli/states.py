@@ -17,7 +17,7 @@ from latentmotion.control.direct import sliding_in_contact
 from latentmotion.control.states import generate_states, parse_state
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.errors import InputError
-from latentmotion.formats.engines import ENGINES, EngineName, for_engine, write_godot, write_unity
+from latentmotion.formats.engines import engines, for_engine, write_godot, write_unity
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT
 from latentmotion.motion import Motion
@@ -51,7 +51,7 @@ class ClipSet:
     NAME=SENTENCE, NAME=loop:SENTENCE. walk@1.4 is a loop at 1.4 m/s."""
     to: Path | None = None
     """Your character: .glb, .gltf, .vrm, .fbx or .bvh; by default the mannequin."""
-    preset: EngineName = "unity"
+    preset: formats.EngineName = "unity"
     """Names of the mannequin's bones; its root bone carries the root motion."""
     fps: float = 30.0
     """Frames per second of the clips."""
@@ -85,8 +85,8 @@ class ClipSet:
         rig = read_rig(self.to) if self.to is not None else None
         if rig is not None:
             transfer.check_output(rig, output)
-        elif output.suffix.lower() not in ENGINES[self.preset].endings:
-            expected = " or ".join(ENGINES[self.preset].endings)
+        elif output.suffix.lower() not in engines()[self.preset].endings:
+            expected = " or ".join(engines()[self.preset].endings)
             raise InputError(f"--preset {self.preset}: {output} is none of {expected}")
         computing = ExecutionOptions(options.AUTO)
         generator = load_generator(
@@ -97,7 +97,7 @@ class ClipSet:
         output.parent.mkdir(exist_ok=True)
         if rig is None:
             written = formats.save(output, [for_engine(clip, self.preset) for clip in clips])
-            bone = ENGINES[self.preset].root
+            bone = engines()[self.preset].root
         else:
             root: transfer.RootMotion = "root" if rig.root_motion_bone else "pelvis"
             names = [state.name for state in states]

@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from latentmotion.errors import DataError, InputError, ReadingWarning
 from latentmotion.motion import Motion
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from latentmotion.formats.takes import SkeletonTake
     from latentmotion.kinematics.standing import Stated
 
+EngineName = Literal["unreal", "unity", "godot", "mixamo", "lafan", "cmu"]
+"""Programs and data sets whose bones `formats/engines.py` knows."""
+
 ENDINGS: Mapping[str, str] = MappingProxyType(
     {
         ".npz": "latentmotion.formats.npz:write",
@@ -32,7 +35,7 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         ".csv": "latentmotion.formats.tables:write",
         ".contacts.csv": "latentmotion.formats.tables:write_events",
         ".contacts.json": "latentmotion.formats.tables:write_events",
-        ".bvh": "latentmotion.formats.takes:write_bvh_files",
+        ".bvh": "latentmotion.formats.bvh:write",
         ".glb": "latentmotion.formats.gltf:write",
         ".gltf": "latentmotion.formats.gltf:write",
         ".vrma": "latentmotion.formats.gltf:write_vrma",
@@ -70,6 +73,21 @@ _MARKERS = (
     "C3D holds markers on the skin, not joints: solve a skeleton in your system's program (Vicon "
     "Nexus or Shogun, OptiTrack Motive, Qualisys) or in MotionBuilder, and export BVH or FBX"
 )
+
+
+# Parts of a name before the ending that belong to the ending.
+_LAYOUTS = (".amass", ".smplx", ".smpl", ".contacts")
+
+
+def numbered(path: Path, count: int) -> list[Path]:
+    """Returns the names of `count` files: the path itself, or `-1`, `-2` before its ending."""
+    if count == 1:
+        return [path]
+    stem, layout = path.stem, Path(path.stem).suffix
+    if layout.lower() in _LAYOUTS:
+        stem = path.stem.removesuffix(layout)
+    ending = path.name.removeprefix(stem)
+    return [path.with_name(f"{stem}-{number}{ending}") for number in range(1, count + 1)]
 
 
 def readable() -> tuple[str, ...]:

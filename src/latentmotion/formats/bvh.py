@@ -11,11 +11,13 @@ import warnings
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, ReadingWarning
+from latentmotion.formats import EngineName, numbered
 from latentmotion.formats.checks import (
     check_filled,
     checked_animation,
@@ -28,6 +30,8 @@ from latentmotion.formats.checks import (
 from latentmotion.kinematics.rotations import euler_from_matrix, matrix_from_euler
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.kinematics.standing import meters_per_unit
+from latentmotion.motion import Motion
+from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_file
 from latentmotion.storage.limits import MOST_JOINTS
 from latentmotion.storage.reading import blamed_on
@@ -361,3 +365,26 @@ def _distance(
     a: Float[np.ndarray, "*batch 3"], b: Float[np.ndarray, "*batch 3"]
 ) -> Float[np.ndarray, "*batch"]:
     return np.sum(np.abs((a - b + np.pi) % (2 * np.pi) - np.pi), axis=-1)
+
+
+def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
+    """Writes one BVH file for each motion: `out.bvh`, or `out-1.bvh`, `out-2.bvh` and so on.
+
+    A motion that was read from a skeleton is written on that one, with all its joints.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    paths = numbered(Path(path), len(motions))
+    animations = [
+        motion.recorded.animation if motion.recorded else motion.animation()
+        for motion in counted(motions, "finding rotations")
+    ]
+    for target, animation in zip(paths, animations, strict=True):
+        layout = OURS
+        if animation.skeleton.name in get_args(EngineName):
+            from latentmotion.formats.engines import engines  # a tenth of the command's imports
+
+            layout = engines()[animation.skeleton.name].bvh
+        write_bvh(target, animation, layout)
+    return paths

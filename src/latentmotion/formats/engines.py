@@ -19,11 +19,13 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -33,32 +35,31 @@ from latentmotion.cleanup.loops import is_loop, turns_beside, unrolled
 from latentmotion.cleanup.pipeline import ground_path
 from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.errors import InputError
+from latentmotion.formats import EngineName
 from latentmotion.formats.bvh import OURS, BvhLayout
-from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
-from latentmotion.kinematics.standing import METERS_PER_UNIT, rebased
+from latentmotion.kinematics.standing import rebased
 from latentmotion.motion import Motion
 from latentmotion.render.mannequin import Mannequin, make_mannequin
 from latentmotion.representation.canonical import heading
+from latentmotion.storage.configuration import from_json
 from latentmotion.storage.files import atomic_file
-
-EngineName = Literal["unreal", "unity", "godot", "mixamo", "lafan", "cmu"]
 
 
 @dataclass(frozen=True)
 class Engine:
     """Conventions of a game engine for figures."""
 
-    root: str
+    root: str = ""
     """Name of the root bone; empty where the hips are the root."""
-    names: Mapping[str, str]
-    """HumanML3D's joint → the bone."""
-    fps: float
+    bones: tuple[str, ...] = ()
+    """Names of the bones, in the order of HumanML3D's joints."""
+    fps: float = 30.0
     """Usual frames per second of animations."""
     endings: tuple[str, ...] = (".glb", ".gltf", ".fbx", ".bvh")
     """Files that hold such figures."""
-    tree: tuple[tuple[str, ...], ...] = ()
+    tree: tuple[tuple[str, str, str], ...] = ()
     """Joints of a data set in their order: name, parent, HumanML3D's joint. An empty joint rests at
     its parent. Without any, the tree is our own below the root."""
     bvh: BvhLayout = OURS
@@ -67,109 +68,16 @@ class Engine:
     """Whether bones lie along their own x, as LAFAN1's do."""
 
 
-# Names of Unity's humanoid and of Godot's `SkeletonProfileHumanoid`.
-_HUMANOID = (
-    "Root",
-    "Hips Spine Chest UpperChest Neck Head",
-    "@UpperLeg @LowerLeg @Foot @Toes @Shoulder @UpperArm @LowerArm @Hand",
-    ("Left", "Right"),
-)
-
-
-def _engine(root: str, middle: str, side: str, marks: tuple[str, str], prefix: str = "") -> Engine:
-    parts = ["pelvis", "spine1", "spine2", "spine3", "neck", "head"]
-    names = dict(zip(parts, middle.split(), strict=True))
-    limbs = ["hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist"]
-    for whole, mark in zip(SIDES, marks, strict=True):
-        words = side.replace("@", mark).split()
-        names |= {f"{whole}_{limb}": word for limb, word in zip(limbs, words, strict=True)}
-    return Engine(root, {joint: prefix + bone for joint, bone in names.items()}, 30.0)
-
-
 # Standard deviation, seconds, of the Gaussian that takes the sway of steps out of root motion.
 _SWAY = 0.25
 
-_LAFAN_SIDE = (
-    *("UpLeg Hips hip", "Leg UpLeg knee", "Foot Leg ankle", "Toe Foot foot"),
-    *("Shoulder Spine2 collar", "Arm Shoulder shoulder", "ForeArm Arm elbow", "Hand ForeArm wrist"),
-)
-_CMU_SIDE = (
-    *("HipJoint Hips", "UpLeg HipJoint hip", "Leg UpLeg knee", "Foot Leg ankle"),
-    *("ToeBase Foot foot", "Shoulder Neck collar", "Arm Shoulder shoulder"),
-    *("ForeArm Arm elbow", "Hand ForeArm wrist", "FingerBase Hand", "HandIndex1 FingerBase"),
-    "Thumb Hand",
-)
 
-
-def _tree(middle: str, side: Sequence[str], short: str, legs: int) -> tuple[tuple[str, ...], ...]:
-    """Returns the joints of a data set: legs, trunk, arms.
-
-    Args:
-        middle: Name, parent and our joint of each joint of the trunk, parted by commas.
-        side: The same of the limbs, without the side.
-        short: Names whose side is one letter.
-        legs: Number of the limbs' joints that are legs.
-    """
-
-    def limbs(rows: Sequence[str], whole: str) -> list[tuple[str, ...]]:
-        names = {row.split()[0] for row in side}
-
-        def sided(name: str) -> str:
-            mark = whole[0] if name in short.split() else whole
-            return mark + name if name in names else name
-
-        words = [[*row.split(), ""][:3] for row in rows]
-        return [
-            (sided(name), sided(parent), f"{whole.lower()}_{ours}" if ours else "")
-            for name, parent, ours in words
-        ]
-
-    trunk = [tuple([*row.split(), ""][:3]) for row in middle.split(",")]
-    root, *spine = [(name, "" if parent == "-" else parent, ours) for name, parent, ours in trunk]
-    down = [row for whole in ("Left", "Right") for row in limbs(side[:legs], whole)]
-    out = [row for whole in ("Left", "Right") for row in limbs(side[legs:], whole)]
-    return (root, *down, *spine, *out)
-
-
-ENGINES: Mapping[EngineName, Engine] = MappingProxyType(
-    {
-        "unreal": _engine(
-            "root",
-            "pelvis spine_01 spine_02 spine_03 neck_01 head",
-            "thigh_@ calf_@ foot_@ ball_@ clavicle_@ upperarm_@ lowerarm_@ hand_@",
-            ("l", "r"),
-        ),
-        "unity": _engine(*_HUMANOID),
-        "godot": _engine(*_HUMANOID),
-        "mixamo": _engine(
-            "",
-            "Hips Spine Spine1 Spine2 Neck Head",
-            "@UpLeg @Leg @Foot @ToeBase @Shoulder @Arm @ForeArm @Hand",
-            ("Left", "Right"),
-            prefix="mixamorig:",
-        ),
-        "lafan": Engine(
-            *("Hips", {}, 30.0, (".bvh",)),
-            tree=_tree(
-                "Hips - pelvis,Spine Hips spine1,Spine1 Spine spine2,Spine2 Spine1 spine3,"
-                "Neck Spine2 neck,Head Neck head",
-                *(_LAFAN_SIDE, "", 4),
-            ),
-            bvh=BvhLayout("ZYX"),
-            along_x=True,
-        ),
-        "cmu": Engine(
-            *("Hips", {}, 120.0, (".bvh",)),
-            tree=_tree(
-                "Hips - pelvis,LowerBack Hips,Spine LowerBack spine1,Spine1 Spine spine2,"
-                "Neck Spine1 spine3,Neck1 Neck neck,Head Neck1 head",
-                *(_CMU_SIDE, "HipJoint Thumb", 5),
-            ),
-            bvh=BvhLayout("ZYX", METERS_PER_UNIT["cmu"]),
-        ),
-    }
-)
-"""Presets: engines, by the names of their mannequin's or humanoid's bones."""
+@cache
+def engines() -> Mapping[str, Engine]:
+    """Returns the presets by name: engines, and data sets."""
+    text = Path(__file__).with_name("engines.toml").read_text(encoding="utf-8")
+    rows = tomllib.loads(text).items()
+    return MappingProxyType({name: from_json(Engine, row) for name, row in rows})
 
 
 def for_engine(motion: Motion, name: EngineName) -> Motion:
@@ -178,7 +86,7 @@ def for_engine(motion: Motion, name: EngineName) -> Motion:
     Raises:
         InputError: The motion is of other joints than HumanML3D's.
     """
-    engine, animation = ENGINES[name], motion.animation()
+    engine, animation = engines()[name], motion.animation()
     old = animation.skeleton
     if old.names != HUMANML3D.names:
         raise InputError(
@@ -186,14 +94,13 @@ def for_engine(motion: Motion, name: EngineName) -> Motion:
         )
     if engine.tree:
         return _figure(motion, _of_data_set(name, engine, animation))
-    names = [engine.names[joint] for joint in old.names]
     if not engine.root:
-        renamed = replace(old, name=name, names=tuple(names))
+        renamed = replace(old, name=name, names=engine.bones)
         return _figure(motion, replace(animation, skeleton=renamed))
     height = -old.rest_joints()[:, 1].min()
     skeleton = Skeleton(
         name=name,
-        names=(engine.root, *names),
+        names=(engine.root, *engine.bones),
         parents=(-1, *(parent + 1 for parent in old.parents)),
         offsets=np.concatenate([[(0, 0, 0), (0, height, 0)], old.offsets[1:]]),
         left_foot=tuple(joint + 1 for joint in old.left_foot),
@@ -283,7 +190,7 @@ def _axes_along_x(skeleton: Skeleton) -> Float[np.ndarray, "joints 3 3"]:
 
 def mannequin_of(skeleton: Skeleton) -> Mannequin:
     """Returns the mannequin of a skeleton, also of one with an engine's bones."""
-    if skeleton.name not in ENGINES or len(skeleton) > len(HUMANML3D) + 1:
+    if skeleton.name not in engines() or len(skeleton) > len(HUMANML3D) + 1:
         return make_mannequin(skeleton)
     if len(skeleton) == len(HUMANML3D):
         body = make_mannequin(replace(HUMANML3D, offsets=skeleton.offsets))

@@ -15,10 +15,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.errors import InputError
+from latentmotion.formats import numbered
 from latentmotion.formats.bones import BoneAxes, bone_axes
 from latentmotion.formats.engines import mannequin_of
 from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
-from latentmotion.formats.takes import numbered
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton

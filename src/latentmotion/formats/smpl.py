@@ -47,7 +47,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from latentmotion.errors import FileFormatError, InputError, ReadingWarning
-from latentmotion.formats.takes import SkeletonTake, numbered, parse_notes
+from latentmotion.formats import numbered
+from latentmotion.formats.takes import SkeletonTake, parse_notes
 from latentmotion.kinematics.rotations import (
     axis_angle_from_matrix,
     matrix_from_axis_angle,

@@ -25,8 +25,9 @@ import numpy as np
 from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
 from latentmotion.cleanup.loops import is_loop, unrolled
 from latentmotion.errors import FileFormatError
+from latentmotion.formats import numbered
 from latentmotion.formats.checks import checked_rate, numbers, read_lines, whole_rate
-from latentmotion.formats.takes import OURS, numbered
+from latentmotion.formats.takes import OURS
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_file

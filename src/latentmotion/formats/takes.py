@@ -1,18 +1,16 @@
-"""Takes: numbered files for formats of one take, and motions from animations of any program."""
+"""Takes: motions from the animations of any program's files."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from latentmotion.errors import FileFormatError, ReadingWarning
-from latentmotion.formats import bvh
 from latentmotion.formats.asf_amc import read_asf_amc
-from latentmotion.formats.bvh import read_bvh, write_bvh
-from latentmotion.formats.engines import ENGINES
+from latentmotion.formats.bvh import read_bvh
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import find_humanoid, fitting_map, to_humanml3d
 from latentmotion.kinematics.keypoints import grounded
@@ -27,35 +25,10 @@ from latentmotion.kinematics.standing import (
     upright,
 )
 from latentmotion.motion import Motion
-from latentmotion.progress import counted
 from latentmotion.storage.reading import parse_json
 
 OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
 """Our own skeletons by the names of their joints."""
-
-# Parts of a name before the ending that belong to the ending.
-_LAYOUTS = (".amass", ".smplx", ".smpl", ".contacts")
-
-
-def write_bvh_files(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
-    """Writes one BVH file for each motion: `out.bvh`, or `out-1.bvh`, `out-2.bvh` and so on.
-
-    A motion that was read from a skeleton is written on that one, with all its joints.
-
-    Raises:
-        InputError: The folder cannot be written.
-    """
-    paths = numbered(Path(path), len(motions))
-    animations = [
-        motion.recorded.animation if motion.recorded else motion.animation()
-        for motion in counted(motions, "finding rotations")
-    ]
-    for target, animation in zip(paths, animations, strict=True):
-        layouts = (
-            layout.bvh for name, layout in ENGINES.items() if name == animation.skeleton.name
-        )
-        write_bvh(target, animation, next(layouts, bvh.OURS))
-    return paths
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,14 +167,3 @@ def parse_notes(path: str | Path, text: Any) -> dict[str, Any]:
             path, f"its metadata are a {type(notes).__name__}, expected an object"
         )
     return notes
-
-
-def numbered(path: Path, count: int) -> list[Path]:
-    """Returns the names of `count` files: the path itself, or `-1`, `-2` before its ending."""
-    if count == 1:
-        return [path]
-    stem, layout = path.stem, Path(path.stem).suffix
-    if layout.lower() in _LAYOUTS:
-        stem = path.stem.removesuffix(layout)
-    ending = path.name.removeprefix(stem)
-    return [path.with_name(f"{stem}-{number}{ending}") for number in range(1, count + 1)]

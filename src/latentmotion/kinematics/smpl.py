@@ -30,7 +30,6 @@ from jaxtyping import Float, Int
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import FileFormatError
 from latentmotion.kinematics.skeleton import BODY, Skeleton
-from latentmotion.storage import pickles
 from latentmotion.storage.array_files import read_arrays
 from latentmotion.storage.files import sha256
 from latentmotion.storage.limits import MOST_NUMBER
@@ -187,6 +186,8 @@ def _content(path: Path) -> Mapping[str, Any]:
         except FileFormatError as error:
             raise FileFormatError(path, f"no .npz of plain arrays ({error}); {_HOW}") from error
     elif path.suffix.lower() == ".pkl":
+        from latentmotion.storage import pickles  # the plain installation's chain reads none
+
         content = pickles.load(path)
     else:
         raise FileFormatError(path, f"the ending {path.suffix!r} is unknown; {_HOW}")

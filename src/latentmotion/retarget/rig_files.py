@@ -25,13 +25,12 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
-from latentmotion.formats import fbx
+from latentmotion.formats import fbx, numbered
 from latentmotion.formats.asf_amc import figure_skeleton, read_asf
 from latentmotion.formats.bvh import continuous_euler, read_bvh, read_hierarchy, write_bvh
 from latentmotion.formats.checks import read_lines
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import GltfScene, damage
-from latentmotion.formats.takes import numbered
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.storage.files import atomic_file

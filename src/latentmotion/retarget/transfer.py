@@ -34,9 +34,8 @@ from jaxtyping import Float
 from latentmotion.cleanup.pipeline import ground_path
 from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.errors import DataError, InputError
-from latentmotion.formats import fbx
+from latentmotion.formats import fbx, numbered
 from latentmotion.formats.bvh import write_bvh
-from latentmotion.formats.takes import numbered
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import Humanoid, fingers_below
 from latentmotion.kinematics.rotations import (

@@ -23,7 +23,7 @@ from jaxtyping import Float
 
 from latentmotion.arrays import unit
 from latentmotion.errors import InputError
-from latentmotion.formats.takes import numbered
+from latentmotion.formats import numbered
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
