@@ -62,6 +62,36 @@ def test_other_words_are_no_start(fast, sentence):
     assert fast.clip_starts.choices(fast.read(sentence)) == []
 
 
+@pytest.mark.parametrize(
+    ("sentence", "says"),
+    [
+        ("both hands on hips, elbows out", "both hands on the hips"),
+        ("cartwheel to the left", "cartwheel"),
+        ("walks in place", None),  # "walks like he owns the place"
+        ("marching on the spot", None),  # soldiers march on
+        ("lean to the left as far as possible", None),  # "lean forward"
+        ("kneels on both knees, hands folded", "both knees"),  # "kneeling on one knee"
+    ],
+)
+def test_how_and_where_a_movement_is_done_does_not_hide_it(fast, sentence, says):
+    choices = fast.clip_starts.choices(fast.read(sentence))
+    texts = [choice.neighbors[0].caption.text for choice in choices]
+    assert not texts if says is None else says in texts[0]
+
+
+def test_who_jumps_onto_a_box_does_not_jump_off_one(fast):
+    (onto,), (off,) = (
+        fast.clip_starts.choices(fast.read(f"jumps {way} a box")) for way in ("onto", "off")
+    )
+    assert "off" in off.neighbors[0].caption.text and "off" not in onto.neighbors[0].caption.text
+
+
+def test_a_clip_is_slowed_down_for_who_is_slow(fast):
+    usual, slow = fast.batch(["a clap", "slow clap"], seeds=[0, 0])
+    same = [motion.metadata["from_clips"][0]["clip"] for motion in (usual, slow)]
+    assert same[0] == same[1] and len(slow) > 1.2 * len(usual)
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_drawn_movement_is_on_the_side_that_is_named(fast, side):
     """Its nearest sentence names no side, another one does."""

@@ -165,6 +165,25 @@ def uncounted(sentence: str) -> str:
     return text.strip() or sentence
 
 
+def plainer_than(sentence: str, sides: bool) -> list[str]:
+    """Returns a sentence with less of how its movement is done: before a comma, without its sides.
+
+    Args:
+        sentence: The sentence.
+        sides: Whether "to the left" may be left out, too: "cartwheel to the left" is nearer to all
+            that is on a side than to a cartwheel.
+    """
+    head = sentence.split(",")[0].strip()
+    texts = [head] if len(words_of(head)) > 1 else []
+    words = words_of(head)
+    if sides and not {LEFT, RIGHT}.isdisjoint(words):
+        rest = [word for word in words if word not in (LEFT, RIGHT)]
+        while rest and rest[-1] in listed("their") | listed("preposition") | listed("towards"):
+            rest.pop()
+        texts.append(" ".join(rest))
+    return [text for text in dict.fromkeys(texts) if text and text != sentence]
+
+
 def tokens_of(sentence: str) -> list[Token]:
     """Returns the tokens of a sentence; words that are one number are one token."""
     tokens: list[Token] = []

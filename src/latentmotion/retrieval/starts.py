@@ -26,7 +26,7 @@ from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
 from latentmotion.language.acts import lookups
-from latentmotion.language.claims import Claim, both_sides, kinds
+from latentmotion.language.claims import Claim, both_sides, data, kinds
 from latentmotion.language.reading import asked_exactly, request_of, usual_range
 from latentmotion.language.words import (
     clauses_of,
@@ -34,6 +34,7 @@ from latentmotion.language.words import (
     listed,
     named_sides,
     other_forms,
+    plainer_than,
     words_of,
 )
 from latentmotion.model.card import ModelCard
@@ -325,12 +326,34 @@ class ClipStarts:
             context: The sentence that it is a part of, which says what a single word means:
                 "draws a bow and shoots".
         """
+        choice = self._nearest(sentence, context)
+        if choice.support <= RARE and choice.cosine >= NEARLY_ALIKE:
+            return choice
+        # What is said besides may hide the movement: "some guy doing the robot, jerky arms".
+        claims, ways = _claims(sentence), listed("forward") | listed("backward")
+        for plainer in plainer_than(sentence, sides=not claims):
+            other = self._nearest(plainer)
+            alike = other.support <= RARE and other.cosine >= NEARLY_ALIKE
+            if named_sides(sentence) - named_sides(plainer):  # to a side is not forward
+                alike &= ways.isdisjoint(words_of(other.neighbors[0].caption.text))
+            if alike and claims <= _claims(other.neighbors[0].caption.text):
+                near = tuple(self._on_side(neighbor, sentence) for neighbor in other.neighbors)
+                return Choice(near, other.support, sentence)
+        return choice
+
+    def _nearest(self, sentence: str, context: str = "") -> Choice:
+        """Returns clips near the words of a movement, with arguments as for `_choice`."""
         versions = [self._sides(text) for text in lookups(sentence)]
         if context and len(set(words_of(sentence)) - listed("person")) == 1:
             meant = CONTEXT * self._sides(context)[0]
             versions = [unit(sides + meant) for sides in versions]
-        nearest = [(sides, self.index.nearest(sides, MOST_CHOICES)) for sides in versions]
-        sides, near = max(nearest, key=lambda version: version[1][0].cosine)
+        nearest = [(sides, self.index.nearest(sides, 2 * MOST_CHOICES)) for sides in versions]
+        sides, every = max(nearest, key=lambda version: version[1][0].cosine)
+        support = self.index.support(sides)
+        near = [n for n in every if n.caption.support == SHOWN or _fits(n.caption.text, sentence)]
+        if not near:
+            return Choice(tuple(every[:1]), max(support, OFTEN), sentence)
+        near = near[:MOST_CHOICES]
         alike = [neighbor for neighbor in near if neighbor.cosine >= near[0].cosine - ALIKE]
         # "Waves" is as near to waving while walking as to waving at a friend.
         if not _gaits_of(sentence):
@@ -339,12 +362,11 @@ class ClipStarts:
         # A clip that was shown, or else drawn, for a sentence takes turns with none that was not.
         shown = [neighbor for neighbor in alike if neighbor.caption.support == SHOWN]
         drawn = [neighbor for neighbor in alike if neighbor.caption.support == DRAWN]
-        support = self.index.support(sides)
         if shown:
             same, support = shown, SHOWN
         elif (
             drawn
-            and support <= _most_beside(drawn[0], drawn[0] is alike[0])
+            and support <= _most_beside(drawn[0], drawn[0].cosine >= alike[0].cosine - EQUAL)
             and (
                 drawn[0].cosine >= ALIKE_WORDS
                 or _claims(sentence) <= _claims(drawn[0].caption.text)
@@ -480,6 +502,13 @@ class ClipStarts:
         ]
         seams = [self._seam(*pair) for pair in pairwise(parts)]
         if frames is None:
+            longer = [
+                _pace(neighbor.caption.text, choice.sentence) if neighbor else 1.0
+                for neighbor, choice in zip(chosen, choices, strict=True)
+            ]
+            parts = [
+                stretched(part, round(f * len(part))) for part, f in zip(parts, longer, strict=True)
+            ]
             frames = (sum(map(len, parts)) + sum(seams)) * per_token
             shown = any(choice.support == SHOWN for choice in choices)
             usual = limits and not shown and len(choices) == 1
@@ -584,6 +613,25 @@ def _most_beside(drawn: Neighbor, nearest: bool) -> float:
 
 def _gaits_of(sentence: str) -> list[Claim]:
     return [claim for claim in request_of(sentence).claims if claim.kind in kinds("gait")]
+
+
+def _fits(caption: str, sentence: str) -> bool:
+    """Whether a caption says nothing against a sentence: "off" for "onto", a way for "in place"."""
+    said, words = {*words_of(sentence)}, {*words_of(caption)}
+    against = any(
+        other in words - said and word not in words
+        for word in said
+        for other in [data("words.toml")["opposites"].get(word)]
+    )
+    ways = [{gait.direction == "place" for gait in _gaits_of(text)} for text in (sentence, caption)]
+    return not against and (ways[0] == ways[1] or True not in ways[0] | ways[1])
+
+
+def _pace(caption: str, sentence: str) -> float:
+    """Returns how much longer than a clip a movement lasts that is slow or fast unlike it."""
+    said = {*words_of(sentence)} - {*words_of(caption)}
+    slow, fast = (not said.isdisjoint(listed(pace)) for pace in ("slow", "fast"))
+    return LONGEST_STRETCH ** (slow - fast)
 
 
 def _claims(sentence: str) -> frozenset[str]:
