@@ -1,4 +1,4 @@
-"""Motions in bulk: prompts of a text file, CSV or Parquet; shards, and what each of them holds.
+"""Motions in bulk: prompts of a text file or CSV; shards, and what each of them holds.
 
 A shard is a fixed run of rows of the prompts' file, generated together, so its bytes do not depend
 on how many processes share the work. They do on its number of rows: the last bits of a motion
@@ -12,7 +12,7 @@ import hashlib
 import io
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -26,7 +26,7 @@ from latentmotion.cleanup import CleanUp
 from latentmotion.condition import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine import request as requests
-from latentmotion.errors import FileFormatError, InputError, MissingExtraError, ModelError
+from latentmotion.errors import FileFormatError, InputError, ModelError
 from latentmotion.formats import EngineName, fbx
 from latentmotion.formats.content import encoded
 from latentmotion.formats.engines import for_engine
@@ -49,7 +49,7 @@ class PromptRow:
     """A requested motion."""
 
     line: int
-    """Its line in the file, counted from 1; in Parquet its row."""
+    """Its line in the file, counted from 1."""
     prompt: str
     """A sentence, a label or nothing."""
     seed: int
@@ -64,75 +64,44 @@ def read_rows(path: Path, seed: int = 0) -> list[PromptRow]:
     """Reads a file of prompts; wrong numbers are problems of their rows, not errors.
 
     Args:
-        path: A text file with a prompt in every line, or `.csv` or `.parquet` with the columns
+        path: A text file with a prompt in every line, or `.csv` with the columns
             prompt and, if wanted, seconds and seed.
         seed: Seed of the first row; later rows count up from it, unless they have their own.
 
     Raises:
         FileFormatError: The file cannot be read, lacks the column or has too many rows.
         InputError: It holds no row.
-        MissingExtraError: It is Parquet and pyarrow is not installed.
     """
-    readers = {".csv": _csv, ".parquet": _parquet_rows}
-    read = readers.get(path.suffix.lower(), _lines)(path)
-    rows = [_row(line, cells, seed + number) for number, (line, cells) in enumerate(read)]
-    if not rows:
+    if path.suffix.lower() == ".csv":
+        table = read_table(path, COLUMNS[:1])
+    else:
+        lines = io.StringIO(read_text(path), newline=None)
+        table = [(number, {"prompt": line}) for number, line in enumerate(lines, 1)]
+    if not table:
         raise InputError(f"{path} holds no prompt; expected one per line")
-    if len(rows) > limits.MOST_PROMPTS:
-        raise FileFormatError(path, _too_many(len(rows)))
-    return rows
+    if len(table) > limits.MOST_PROMPTS:
+        problem = f"{len(table):,} rows, at most {limits.MOST_PROMPTS:,} are read; split the file"
+        raise FileFormatError(path, problem)
+    return [_row(line, cells, seed + number) for number, (line, cells) in enumerate(table)]
 
 
-def _lines(path: Path) -> Iterable[tuple[int, dict[str, Any]]]:
-    lines = io.StringIO(read_text(path), newline=None)
-    return [(number, {"prompt": line}) for number, line in enumerate(lines, 1)]
-
-
-def _csv(path: Path) -> Iterable[tuple[int, dict[str, Any]]]:
-    return read_table(path, COLUMNS[:1])
-
-
-def _parquet_rows(path: Path) -> Iterable[tuple[int, dict[str, Any]]]:
-    try:
-        from pyarrow import ArrowException, parquet, types
-    except ModuleNotFoundError as error:
-        raise MissingExtraError(f"reading {path}", "pyarrow", "bulk") from error
-    try:
-        with parquet.ParquetFile(path) as file:
-            count, columns = file.metadata.num_rows, file.schema_arrow.names
-            if "prompt" not in columns:
-                raise FileFormatError(path, f"lacks the column prompt; found {', '.join(columns)}")
-            kind = file.schema_arrow.field("prompt").type
-            if not (types.is_string(kind) or types.is_large_string(kind)):
-                raise FileFormatError(path, f"the column prompt holds {kind}, expected text")
-            if count > limits.MOST_PROMPTS:
-                raise FileFormatError(path, _too_many(count))
-            table = file.read([name for name in COLUMNS if name in columns])
-    except (OSError, ArrowException) as error:
-        raise FileFormatError(
-            path, f"cannot be read as Parquet, write it again: {error!s:.300}"
-        ) from error
-    return enumerate(table.to_pylist(), 1)
-
-
-def _row(line: int, cells: dict[str, Any], seed: int) -> PromptRow:
-    prompt, problem = str(cells["prompt"] or "").strip(), ""
-    seconds = cells.get("seconds")
-    seed_text = cells.get("seed")
+def _row(line: int, cells: dict[str, str], seed: int) -> PromptRow:
+    prompt, problem, seconds = cells["prompt"].strip(), "", None
+    length, seed_text = cells.get("seconds"), cells.get("seed")
     if len(prompt) > limits.MOST_PROMPT:
         problem = f"{len(prompt):,} characters, expected at most {limits.MOST_PROMPT:,}"
         prompt = prompt[: limits.MOST_PROMPT]
     try:
-        seconds = None if seconds in (None, "") else float(seconds)
+        seconds = float(length) if length else None
         if seconds is not None and not math.isfinite(seconds):
             raise ValueError
-    except (TypeError, ValueError):
-        problem, seconds = f"{seconds!r:.80} seconds: expected a number", None
+    except ValueError:
+        problem, seconds = f"{length!r:.80} seconds: expected a number", None
     try:
-        seed = seed if seed_text in (None, "") else int(seed_text)
-        if not 0 <= seed < 2**63 or (isinstance(seed_text, float) and seed != seed_text):
+        seed = int(seed_text) if seed_text else seed
+        if not 0 <= seed < 2**63:
             raise ValueError
-    except (TypeError, ValueError, OverflowError):
+    except ValueError:
         problem = f"seed {seed_text!r:.80}: expected a whole number from 0 up, below 2^63"
     return PromptRow(line, prompt, seed, seconds, problem)
 
@@ -141,7 +110,7 @@ def _too_many(count: int) -> str:
     return f"{count:,} rows, at most {limits.MOST_PROMPTS:,} are read; split the file"
 
 
-Format = Literal["safetensors", "parquet", "glb", "bvh", "fbx"]
+Format = Literal["safetensors", "glb", "bvh", "fbx"]
 """Format of the shards; or of the motions, a file each, with a table of them for each shard."""
 
 ONE_EACH = ("glb", "bvh", "fbx")
@@ -255,20 +224,17 @@ def work_of(generation: BulkGeneration, prompts: Path, seed: int = 0, rows: int 
 
     Args:
         generation: How rows become motions.
-        prompts: Text file, CSV or Parquet; see `read_rows`.
+        prompts: Text file or CSV; see `read_rows`.
         seed: Seed of the first row; later rows count up from it.
         rows: Rows of a shard.
 
     Raises:
         FileFormatError: The prompts cannot be read.
         InputError: The model does not support the settings, or a number is out of range.
-        MissingExtraError: Parquet is read or written and pyarrow is not installed.
         ModelError: The model cannot be loaded.
     """
     if rows < 1 or seed < 0:
         raise InputError(f"{rows} rows of a shard, seed {seed}: expected 1 or more, 0 or more")
-    if generation.format == "parquet":
-        _pyarrow()
     if generation.format == "fbx":
         fbx.check_ready()
     one_each = generation.format in ONE_EACH
@@ -326,8 +292,9 @@ def make_shard(generation: BulkGeneration, rows: Sequence[PromptRow]) -> ShardCo
         return ShardContent(_table(files, good, motions), len(good), wrong, files)
     none = np.zeros((0, len(space.skeleton), 3), np.float32)
     joints = np.concatenate([none, *(motion.joints for motion in motions)])
-    pack = _parquet if generation.format == "parquet" else _safetensors
-    content = pack(joints, columns, [row.prompt for row in good], about)
+    # One entry only, since several are written in any order.
+    plain = json.dumps({**about, "prompts": [row.prompt for row in good]}, ensure_ascii=False)
+    content = save({"joints": joints, **columns}, {"latentmotion": plain})
     return ShardContent(content, len(good), wrong)
 
 
@@ -367,39 +334,6 @@ def opened(generation: BulkGeneration) -> MotionPipeline:
             f"{folder} is not the model that the run was started with; copy that one here"
         )
     return generation.open(generation.model, *generation.options)
-
-
-def _safetensors(
-    joints: np.ndarray, columns: dict[str, np.ndarray], prompts: list[str], about: dict[str, Any]
-) -> bytes:
-    # One entry only, since several are written in any order.
-    metadata = {"latentmotion": json.dumps({**about, "prompts": prompts}, ensure_ascii=False)}
-    return save({"joints": joints, **columns}, metadata)
-
-
-def _parquet(
-    joints: np.ndarray, columns: dict[str, np.ndarray], prompts: list[str], about: dict[str, Any]
-) -> bytes:
-    arrow = _pyarrow()
-    from pyarrow import parquet
-
-    ends = np.cumsum([0, *columns["frames"]]) * joints[0:1].size
-    packed = arrow.LargeListArray.from_arrays(ends, joints.reshape(-1))
-    table = arrow.table(
-        {**columns, "prompt": arrow.array(prompts, arrow.string()), "joints": packed}
-    )
-    file = io.BytesIO()
-    metadata = {"latentmotion": json.dumps(about, ensure_ascii=False)}
-    parquet.write_table(table.replace_schema_metadata(metadata), file)
-    return file.getvalue()
-
-
-def _pyarrow() -> Any:
-    try:
-        import pyarrow
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("--format parquet", "pyarrow", "bulk") from error
-    return pyarrow
 
 
 def _hash_of(folder: Path) -> str:

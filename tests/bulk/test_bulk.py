@@ -1,10 +1,9 @@
-"""`latentmotion bulk`: prompts of three kinds, motions in shards, workers that are killed."""
+"""`latentmotion bulk`: prompts of two kinds, motions in shards, workers that are killed."""
 
 from __future__ import annotations
 
 import csv
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -122,21 +121,6 @@ def test_a_shard_holds_what_the_pipeline_makes_of_its_rows(
         assert np.array_equal(file.get_tensor("joints"), last.joints)
 
 
-def test_parquet_holds_the_same_motions(prompts: Path, tmp_path: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet")
-    bulk(prompts, tmp_path / "tables", "--format=parquet", "--shard=1/4")
-    bulk(prompts, tmp_path / "tensors", "--shard=1/4")
-    table = parquet.read_table(tmp_path / "tables" / "motions-00000.parquet")
-    with safe_open(tmp_path / "tensors" / "motions-00000.safetensors", "numpy") as file:
-        joints, frames = file.get_tensor("joints"), file.get_tensor("frames")
-    rows = table.to_pylist()
-    assert [row["prompt"] for row in rows] == PROMPTS[:2]
-    assert [row["frames"] for row in rows] == frames.tolist()
-    second = np.array(rows[1]["joints"], np.float32).reshape(-1, 22, 3)
-    assert np.array_equal(second, joints[frames[0] :])
-    assert json.loads(table.schema.metadata[b"latentmotion"])["fps"] == 20
-
-
 @pytest.mark.parametrize("form", ["glb", "bvh"])
 def test_a_file_for_each_motion(prompts: Path, tmp_path: Path, form: str) -> None:
     words = [f"--format={form}", "--preset=unity", "--fps=30"]
@@ -166,16 +150,6 @@ def test_rows_of_tables_have_lengths_and_seeds_of_their_own(tmp_path: Path) -> N
         "seed '-1'",
         "'soon' seconds",
         "seed '1.5'",
-    ]
-    parquet = pytest.importorskip("pyarrow.parquet")
-    arrow = pytest.importorskip("pyarrow")
-    columns = {"prompt": ["a", "b", None], "seconds": [2.5, None, None], "other": [1, 2, 3]}
-    parquet.write_table(arrow.table(columns), tmp_path / "prompts.parquet")
-    rows = read_rows(tmp_path / "prompts.parquet")
-    assert [(row.line, row.prompt, row.seed, row.seconds) for row in rows] == [
-        (1, "a", 0, 2.5),
-        (2, "b", 1, None),
-        (3, "", 2, None),
     ]
 
 
@@ -213,39 +187,25 @@ def at(folder: Path) -> shards.Folder:
         ("p.txt", b"", "holds no prompt"),
         ("p.txt", b"\xff\xfe", "is not UTF-8"),
         ("p.csv", b"text\nwalks\n", "lacks the column prompt; found text"),
-        ("p.parquet", b"PAR1 but no more", "cannot be read as Parquet"),
         ("none.txt", None, "No such file"),
     ],
 )
 def test_a_wrong_file_is_refused(
     name: str, content: bytes | None, told: str, tmp_path: Path
 ) -> None:
-    if name.endswith("parquet"):
-        pytest.importorskip("pyarrow")
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(LatentMotionError, match=told):
         read_rows(tmp_path / name)
 
 
-def test_wrong_parquet_columns_and_too_many_rows_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    arrow = pytest.importorskip("pyarrow")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    path = tmp_path / "p.parquet"
-    parquet.write_table(arrow.table({"prompt": [1, 2]}), path)
-    with pytest.raises(FileFormatError, match="column prompt holds int64, expected text"):
-        read_rows(path)
-    parquet.write_table(arrow.table({"text": ["a"]}), path)
-    with pytest.raises(FileFormatError, match="lacks the column prompt; found text"):
-        read_rows(path)
+def test_too_many_rows_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "MOST_PROMPTS", 2)
     (tmp_path / "p.txt").write_text("a\n" * 3)
-    parquet.write_table(arrow.table({"prompt": ["a"] * 3}), path)
-    for file in (path, tmp_path / "p.txt"):
+    (tmp_path / "p.csv").write_text("prompt\n" + "a\n" * 3)
+    for name in ("p.txt", "p.csv"):
         with pytest.raises(FileFormatError, match="3 rows, at most 2 are read"):
-            read_rows(file)
+            read_rows(tmp_path / name)
 
 
 def test_a_prompt_that_is_a_book_is_a_wrong_row(tmp_path: Path) -> None:
@@ -262,7 +222,6 @@ def test_a_prompt_that_is_a_book_is_a_wrong_row(tmp_path: Path) -> None:
         (["--rows=0"], "0 rows of a shard"),
         (["--seed=-1"], "seed -1: expected"),
         (["--shard=3/2"], "expected a number of a total"),
-        (["--shard=1/2", "--dask=tcp://127.0.0.1:1"], "give either --shard or --dask"),
         (["--model=fest"], "did you mean 'fast'"),
     ],
 )
@@ -281,62 +240,3 @@ def test_another_model_of_the_same_name_is_refused(prompts: Path) -> None:
     other = BulkGeneration(**{**vars(generation), "weights": "0" * 64})
     with pytest.raises(LatentMotionError, match="is not the model that the run was started with"):
         task.func(other, rows)
-
-
-DASK = """
-import os, signal, sys
-from pathlib import Path
-from distributed import LocalCluster
-from latentmotion.cli.main import main
-
-if __name__ == "__main__":
-    with LocalCluster(2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as cluster:
-        main([*sys.argv[1:], "--dask", cluster.scheduler_address])
-"""
-"""Generates on two worker processes of a cluster of its own."""
-
-KILLED_ONCE = """
-import os, signal
-from pathlib import Path
-from latentmotion import bulk
-
-make, mark = bulk.make_shard, Path(os.environ["MARK"])
-
-def killed_make(generation, rows):
-    if rows[0].line == 3 and not mark.exists():
-        mark.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return make(generation, rows)
-"""
-
-
-def test_dask_workers_may_be_killed(prompts: Path, whole: dict[str, bytes], tmp_path: Path) -> None:
-    pytest.importorskip("distributed")
-    (tmp_path / "killed_once.py").write_text(KILLED_ONCE)
-    program = "from latentmotion import bulk; import killed_once; "
-    program += "bulk.make_shard = killed_once.killed_make\n" + DASK
-    script, folder = tmp_path / "run.py", tmp_path / "out"
-    script.write_text(program)
-    words = ["bulk", str(prompts), "-o", str(folder), "--rows=2", "--no-clean"]
-    paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "MARK": str(tmp_path / "mark"), "PYTHONPATH": paths}
-    done = subprocess.run(
-        [sys.executable, str(script), *words], env=environment, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "mark").exists()
-    assert content(folder) == whole
-
-
-def test_a_cluster_that_is_not_there_is_told(
-    prompts: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    distributed = pytest.importorskip("distributed")
-
-    def refuse(*_: object, **__: object) -> None:
-        raise OSError("Timed out trying to connect")
-
-    monkeypatch.setattr(distributed, "Client", refuse)
-    work = work_of(BulkGeneration(), prompts)
-    with pytest.raises(InputError, match="no Dask scheduler at tcp"):
-        shards.submit(work, at(tmp_path / "out"), "tcp://127.0.0.1:1")

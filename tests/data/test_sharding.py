@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import os
-import pickle
 import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from latentmotion.cli.main import main
 from latentmotion.data import packing
-from latentmotion.storage import shards
-from latentmotion.storage.shards import Folder, Record, Work, make
 from tests.support.mocap_folders import (
     CMU_FILES,
     swaying,
@@ -123,7 +119,6 @@ def test_a_killed_process_is_resumed(tmp_path: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--shard=1/1", "--dask=tcp://here"], "either --shard or --dask"),
         (["--shard=3/2"], "expected a number of a total"),
         (["--shard=1/1", "--unit=meters"], "unit is None there, 'meters' here"),
         (["--shard=1/1", "--val=0.5"], "val is 0.05 there, 0.5 here"),
@@ -138,24 +133,6 @@ def test_another_run_is_refused(
         prepare(asked, tmp_path / "out" / "data", *words)
     assert error.value.code == 2
     assert told in capsys.readouterr().err
-
-
-def test_a_cluster_is_sent_what_a_process_would_do(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    words, asked = own(tmp_path), []
-
-    def submit(
-        work: Work, folder: Folder, address: str, report: Callable[[Record], object]
-    ) -> None:
-        asked.append(address)
-        tasks = {name: pickle.loads(pickle.dumps(task)) for name, task in work.tasks.items()}  # noqa: S301
-        make(replace(work, tasks=tasks), folder, report=report)
-
-    monkeypatch.setattr(shards, "submit", submit)
-    found = content(prepare(words, tmp_path / "many" / "data", "--dask=tcp://here"))
-    assert asked == ["tcp://here"]
-    assert found == content(prepare(words, tmp_path / "one" / "data"))
 
 
 def test_a_damaged_shard_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -34,7 +34,6 @@ from safetensors.numpy import save_file
 from latentmotion import formats
 from latentmotion.bulk import read_rows
 from latentmotion.control.scene import read_scene
-from latentmotion.control.stream import StreamState
 from latentmotion.convert.reading import read_checkpoint
 from latentmotion.data.clip import Source, fit_sentences, parse_sentences
 from latentmotion.data.dataset import Dataset
@@ -236,10 +235,6 @@ def load_lengths(path: Path) -> None:
     finite(*model.weights, *model.biases)
 
 
-def load_stream(path: Path) -> None:
-    finite(StreamState.load(path).latents)
-
-
 def load_project(path: Path) -> None:
     """Reads a project as the studio does, and writes what it read."""
     content = read_plain(path)
@@ -264,7 +259,6 @@ READERS: dict[str, Callable[[Path], object]] = {
     "map.json": load_joint_map,
     "moves.plain": load_moves,
     "lengths.safetensors": load_lengths,
-    "stream.npz": load_stream,
     **dict.fromkeys(("prompts.csv", "prompts.txt"), read_rows),
     "wordings.tsv": lambda path: read_wordings([path]),
     "scheduled/model.json": load_scheduled,
@@ -305,7 +299,6 @@ def write_texts(folder: Path, motion: Motion) -> None:
     pairs = (KeyPair("p", "a walk", 0, "A"),)
     key = StudyKey(KEY_FORMAT, "s", "A", "B", 3, {"which": "Which?"}, pairs)
     write_json(folder / "study.key.json", key)
-    StreamState(np.zeros((3, 4)), 2, 0.5, (1.0, 2.0), 3).save(folder / "stream.npz")
     shutil.copy(find_model("starter") / "lengths.safetensors", folder)
     packed = (find_model("starter") / "moves.index").read_bytes()
     (folder / "moves.plain").write_bytes(zlib.decompress(packed))

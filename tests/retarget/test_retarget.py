@@ -436,13 +436,10 @@ def first_file(archive: Path, ending: str, folder: Path) -> Path:
 
 
 def test_real_skeletons_of_cmu(motion: Motion, shared: Path, tmp_path: Path):
-    packed = {"cmu_bvh.tar.xz": ".bvh", "cmu_asfamc.tar.xz": ".asf"}
-    found = [first_file(shared / "data" / name, end, tmp_path) for name, end in packed.items()]
-    for path in found:
-        rig = read_rig(path)
-        animation = retarget(motion, rig)
-        assert angles(motion, animation, rig, ARMS).max() < 0.1
-        assert write(tmp_path / "out.bvh", rig, [motion])
+    rig = read_rig(first_file(shared / "data" / "cmu_bvh.tar.xz", ".bvh", tmp_path))
+    animation = retarget(motion, rig)
+    assert angles(motion, animation, rig, ARMS).max() < 0.1
+    assert write(tmp_path / "out.bvh", rig, [motion])
 
 
 def test_a_vrm_is_a_character(motion: Motion, tmp_path: Path):

@@ -30,19 +30,15 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
         latentmotion bulk prompts.txt -o motions
         latentmotion bulk prompts.txt -o clips --format glb --preset unreal --rows 32
         latentmotion bulk prompts.csv -o s3://bucket/motions --shard 3/16
-        latentmotion bulk prompts.parquet -o /shared/motions --dask tcp://scheduler:8786
     """
 
     prompts: Annotated[Positional[Path | None], arg(metavar="PROMPTS")] = None
-    """Text file with one prompt per line, or CSV or Parquet with the column prompt and, if wanted,
-    seconds and seed."""
+    """Text file with one prompt per line, or CSV with the column prompt and, if wanted, seconds and
+    seed."""
     output: Annotated[str, arg(aliases=["-o"])] = "motions"
     """Folder to write, or a URL of any file system of fsspec (s3://, gs://, sftp://)."""
     shard: str | None = None
     """Make only a part of the shards, such as 3/16: the third of sixteen processes."""
-    dask: str | None = None
-    """Make them on the workers of the Dask cluster with this scheduler, such as
-    tcp://host:8786."""
     check: bool = False
     """Make nothing: compare the files of a finished run with its manifest, and its settings with
     the prompts and options that are given, if any."""
@@ -81,7 +77,7 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
             ModelError: The model cannot be loaded.
         """
         if self.check:
-            options.refuse_unused(self, "--check makes nothing", "shard", "dask")
+            options.refuse_unused(self, "--check makes nothing", "shard")
         if self.check and self.prompts is None:
             others = {field.name for field in fields(self)} - {"output", "check"}
             options.refuse_unused(self, "--check without prompts compares files alone", *others)
@@ -89,7 +85,7 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
             return
         if self.prompts is None:
             raise InputError("no prompts given; name a file: latentmotion bulk prompts.txt")
-        share = options.share_of(self.shard, self.dask)
+        share = options.share_of(self.shard)
         generation = BulkGeneration(
             load_generator,
             self.model,
@@ -113,10 +109,7 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
             self._print_summary(manifest)
             return
         folder = folder_at(self.output, create=True)
-        if self.dask:
-            manifest = shards.submit(work, folder, self.dask, self._print)
-        else:
-            manifest = shards.make(work, folder, share, self._print)
+        manifest = shards.make(work, folder, share, self._print)
         if manifest:
             self._print_summary(manifest)
         else:

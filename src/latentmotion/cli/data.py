@@ -56,13 +56,6 @@ Shard = Annotated[
         "whoever finds all of it finished writes the folder."
     ),
 ]
-Dask = Annotated[
-    str | None,
-    arg(
-        help="Have the files read by the workers of the Dask cluster with this scheduler, such as "
-        "tcp://host:8786, which see files and output at the same paths."
-    ),
-]
 SourceName = Annotated[str, arg(help="Name of this data source.")]
 Hold = Annotated[
     int,
@@ -100,7 +93,6 @@ class _PrepareInParts(_Prepare):
     """Options of commands whose files several processes can read."""
 
     shard: Shard = None
-    dask: Dask = None
 
     def _prepare(
         self,
@@ -113,13 +105,12 @@ class _PrepareInParts(_Prepare):
         """Prepares the folder and prints the report; or reads a part of the files.
 
         Raises:
-            InputError: There is no such part, or what is kept beside the folder is of other files,
-                or the cluster failed.
+            InputError: There is no such part, or what is kept beside the folder is of other files.
         """
-        share = options.share_of(self.shard, self.dask)
+        share = options.share_of(self.shard)
         # Before the files are read, which takes minutes to hours.
         check_replaceable(self.output, MANIFEST)
-        if not (self.shard or self.dask):
+        if not self.shard:
             read = chain.from_iterable(group.read() for group in groups(None))
             recordings = encode_all(read, representation)
         else:
@@ -132,9 +123,7 @@ class _PrepareInParts(_Prepare):
             def report(record: shards.Record) -> None:
                 print(f"{record.name}: {record.items} files", file=sys.stderr, flush=True)
 
-            if self.dask:
-                shards.submit(work, folder, self.dask, report)
-            elif shards.make(work, folder, share, report) is None:
+            if shards.make(work, folder, share, report) is None:
                 print(f"shard {self.shard} is finished, others are not")
                 return
             recordings = packing.recordings_of(folder)

@@ -99,7 +99,7 @@ def print_changes(changes: Changes, in_place: bool = False) -> None:
 
 @dataclass(frozen=True)
 class Retarget(options.MotionOptions):
-    """Retarget motions to your own character: any skeleton in .glb, .gltf, .vrm, .fbx, .bvh, .asf.
+    """Retarget motions to your own character: any skeleton in .glb, .gltf, .vrm, .fbx, .bvh.
 
     The joint names of Mixamo, Unreal, Unity, VRM, Rigify, Daz, Character Creator, Biped, Xsens,
     OptiTrack, Rokoko, ARKit, CMU and SMPL are known; draft a joint map for others. FBX goes
@@ -109,7 +109,7 @@ class Retarget(options.MotionOptions):
     """
 
     to: Path
-    """The character: .glb, .gltf, .vrm, .fbx, .bvh or .asf; or a robot: .xml or .urdf."""
+    """The character: .glb, .gltf, .vrm, .fbx or .bvh; or a robot: .xml or .urdf."""
     files: options.Files = ()
     """Motion files; each motion in them becomes an animation."""
     output: options.OptionalOutput = None

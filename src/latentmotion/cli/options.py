@@ -244,16 +244,14 @@ DraftMapFile = Annotated[
 PrintJson = Annotated[bool, arg(help="Print one JSON object instead of text.")]
 
 
-def share_of(shard: str | None, dask: str | None) -> ShardSubset:
+def share_of(shard: str | None) -> ShardSubset:
     """Returns the part of some work that `--shard` names; all of it without.
 
     Raises:
-        InputError: There is no such part, or a cluster shares the work out already.
+        InputError: There is no such part.
     """
     from latentmotion.storage.shards import ShardSubset
 
-    if shard and dask:
-        raise InputError("give either --shard or --dask, not both")
     return ShardSubset.parse(shard) if shard else ShardSubset()
 
 

@@ -8,10 +8,8 @@ it remembers is its state: immutable, saved and resumed to the bit.
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -27,13 +25,10 @@ from latentmotion.control.generator import (
 )
 from latentmotion.control.reach import DecodedMotion
 from latentmotion.engine.request import USUAL_SECONDS, GenerationRequest
-from latentmotion.errors import FileFormatError
 from latentmotion.model.config import STRIDE
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.representation.interface import Representation
-from latentmotion.storage.array_files import read_arrays
-from latentmotion.storage.files import atomic_file
 
 Latents = Float[np.ndarray, "tokens width"]
 
@@ -170,35 +165,6 @@ class StreamState:
     def start(cls, width: int) -> StreamState:
         """Returns the state of a stream that begins."""
         return cls(np.zeros((0, width)), 0, 0.0, (0.0, 0.0), 0)
-
-    def save(self, path: str | Path) -> None:
-        """Writes the state as an `.npz` file."""
-        with atomic_file(path) as temporary, temporary.open("wb") as file:
-            np.savez(
-                file,
-                latents=self.latents,
-                numbers=np.array([self.emitted, self.calls]),
-                pose=np.array([self.yaw, *self.place]),
-            )
-
-    @classmethod
-    def load(cls, path: str | Path) -> StreamState:
-        """Reads a state that `save` wrote.
-
-        Raises:
-            FileFormatError: The file is missing or holds something else.
-        """
-        try:
-            arrays = read_arrays(path, ("latents", "numbers", "pose"))
-            emitted, calls = map(operator.index, arrays["numbers"].tolist())
-            yaw, x, z = map(float, arrays["pose"].tolist())
-            latents = np.asarray(arrays["latents"], np.float64)
-        except (FileFormatError, ValueError, TypeError, KeyError) as error:
-            raise FileFormatError(path, f"not the state of a stream: {error}") from error
-        finite = np.isfinite([yaw, x, z]).all() and np.isfinite(latents).all()
-        if latents.ndim != 2 or not finite or min(emitted, calls) < 0:
-            raise FileFormatError(path, "not the state of a stream: numbers out of range")
-        return cls(latents, emitted, yaw, (x, z), calls)
 
 
 def advanced(

@@ -50,7 +50,7 @@ from latentmotion.networks.vae.convolutional import Pullback
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import features_from_noise, sampler_of
 from latentmotion.representation.interface import Scale
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import atomic_file, write_file
 
 # Sizes of the example inputs that graphs are traced with; all of them stay free.
 _BATCH, _TOKENS, _WORDS = 2, 7, 3
@@ -414,8 +414,7 @@ def share_weights(graph: Path, weights: Path) -> None:
             nodes.append(helper.make_node("Transpose", [whole], [name]))
     _replace(model.graph.initializer, initializers)
     _replace(model.graph.node, [*nodes, *model.graph.node])
-    with atomic_file(graph) as temporary:
-        temporary.write_bytes(model.SerializeToString())
+    write_file(graph, model.SerializeToString())
 
 
 def scaled_rows(packed: str, scale: str, matrix: str) -> list[NodeProto]:

@@ -59,6 +59,13 @@ def placed(
     )
 
 
+def matrix_of(frame: Frame) -> Float[np.ndarray, "4 4"]:
+    """Returns the matrix of a bone's frame."""
+    matrix = np.eye(4)
+    matrix[:3, 3], _, matrix[:3, :3] = frame
+    return matrix
+
+
 def plain_skeleton(
     name: str, names: Sequence[str], parents: Sequence[int], rest: WorldPose
 ) -> Skeleton:

@@ -32,7 +32,7 @@ from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.kinematics.standing import meters_per_unit
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import write_file
 from latentmotion.storage.limits import MOST_JOINTS
 from latentmotion.storage.reading import blamed_on
 
@@ -308,14 +308,20 @@ def write_bvh(path: str | Path, animation: Animation, layout: BvhLayout = OURS) 
             positions = animation.root_positions if not joint or track is None else track[:, joint]
             columns.append(np.asarray(positions, np.float64) / layout.meters)
         columns.append(np.rad2deg(angles[:, number]))
+    head = ["HIERARCHY", *hierarchy_lines(skeleton, moving, layout), "MOTION"]
+    write_frames(path, head, columns, animation.fps)
+
+
+def write_frames(
+    path: str | Path, head: Sequence[str], columns: Sequence[np.ndarray], fps: float
+) -> None:
+    """Writes a file of lines that end with `MOTION` and the columns of its channels."""
     # Adding zero makes 0 of the -0 that rounding leaves.
-    rows = np.round(np.concatenate(columns, axis=1), 6) + 0.0
+    rows = np.round(np.column_stack(columns), 6) + 0.0
     template = " ".join(["%.6f"] * rows.shape[1])
-    with atomic_file(path) as temporary:
-        lines = ["HIERARCHY", *hierarchy_lines(skeleton, moving, layout), "MOTION"]
-        lines += [f"Frames: {len(rows)}", f"Frame Time: {1 / animation.fps:.8f}"]
-        lines += [template % tuple(row) for row in rows.tolist()]
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    lines = [*head, f"Frames: {len(rows)}", f"Frame Time: {1 / fps:.8f}"]
+    lines += [template % tuple(row) for row in rows.tolist()]
+    write_file(path, "\n".join(lines) + "\n")
 
 
 def _read_timing(path: Path, lines: Sequence[str], start: int) -> tuple[int, float, int]:

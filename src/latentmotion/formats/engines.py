@@ -44,7 +44,7 @@ from latentmotion.motion import Motion
 from latentmotion.render.mannequin import Mannequin, make_mannequin
 from latentmotion.representation.canonical import heading
 from latentmotion.storage.configuration import from_json
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import write_file
 
 
 @dataclass(frozen=True)
@@ -282,6 +282,5 @@ def _written(path: Path, name: str, **values: str) -> Path:
     template = (_TEMPLATES / name).read_text(encoding="utf-8")
     text = re.sub(r"\$([A-Z]+)\b", lambda match: values[match[1]], template)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_file(path, text)
     return path

@@ -24,7 +24,7 @@ import numpy as np
 
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.storage import limits
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import write_file
 from latentmotion.storage.reading import parse_json, read_bytes
 
 VERTICES, INDICES = 34962, 34963
@@ -102,8 +102,7 @@ class Document:
                 not finite.
         """
         content = self.encoded(path)
-        with atomic_file(path) as temporary:
-            temporary.write_bytes(content)
+        write_file(path, content)
 
     def encoded(self, path: str | Path) -> bytes:
         """Returns the content of the file that `write` would write.

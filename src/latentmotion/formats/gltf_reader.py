@@ -25,6 +25,7 @@ from latentmotion.formats.bones import (
     Frame,
     WorldPose,
     even_rate,
+    matrix_of,
     placed,
     plain_animation,
     plain_skeleton,
@@ -115,6 +116,12 @@ class _Transform:
             _matrix(_numbers(node.get("rotation", (0, 0, 0, 1)), 4)),
             _numbers(node.get("scale", (1, 1, 1)), 3),
         )
+
+    def parts(self) -> dict[str, list[float]]:
+        """Returns what a node at rest says of it."""
+        rotation = quaternion_from_matrix(self.rotation)[[1, 2, 3, 0]]
+        parts = (self.translation, rotation, self.scale)
+        return {name: part.tolist() for name, part in zip(_PATHS, parts, strict=True)}
 
 
 # Difference of matrices, some 6°, beyond which nodes do not stand as the skin was bound.
@@ -218,13 +225,7 @@ class GltfScene:
         for node, rest in self.at_rest.items():
             if rest is not self.transforms[node]:
                 entry = {key: value for key, value in self.nodes[node].items() if key != "matrix"}
-                quaternion = quaternion_from_matrix(rest.rotation)[[1, 2, 3, 0]]
-                yield (
-                    node,
-                    entry
-                    | {"translation": rest.translation.tolist(), "rotation": quaternion.tolist()}
-                    | {"scale": rest.scale.tolist()},
-                )
+                yield node, entry | rest.parts()
 
     def _bound(self, document: Document) -> dict[int, _Transform] | None:
         """Returns the transforms in which the skin was bound, where the nodes stand otherwise.
@@ -242,10 +243,7 @@ class GltfScene:
         if len(bones) < len(skin["joints"]) or np.abs(np.linalg.det(inverse)).min() < _FLAT:
             return None
         frames = self._frames(self.transforms, bones)
-        stand = np.tile(np.eye(4), (len(bones), 1, 1))
-        for number, bone in enumerate(bones):
-            stand[number, :3, 3], _, stand[number, :3, :3] = frames[bone]
-        mesh = stand @ inverse
+        mesh = np.stack([matrix_of(frames[bone]) for bone in bones]) @ inverse
         first = bones.index(min(bones, key=lambda bone: len(self.line(bone))))
         scale = np.cbrt(abs(np.linalg.det(mesh[first, :3, :3])))
         if np.abs(mesh[:, :3, :3] - mesh[first, :3, :3]).max() < _TURNED * scale:
@@ -253,12 +251,9 @@ class GltfScene:
         world = dict(zip(bones, mesh[first] @ np.linalg.inv(inverse), strict=True))
         transforms = dict(self.transforms)
         for bone in sorted(bones, key=lambda bone: len(self.line(bone))):
-            above = np.eye(4)
-            parent = self.parents[bone]
-            if parent in world:
-                above = world[parent]
-            elif parent >= 0:
-                above[:3, 3], _, above[:3, :3] = self._frames(transforms, [parent])[parent]
+            above, parent = world.get(self.parents[bone]), self.parents[bone]
+            if above is None:
+                above = matrix_of(self._frames(transforms, [parent])[parent])
             local = np.linalg.inv(above) @ world[bone]
             transforms[bone] = _Transform.of({"matrix": local.T.ravel().tolist()})
         return transforms

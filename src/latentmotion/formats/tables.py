@@ -30,7 +30,7 @@ from latentmotion.formats.checks import checked_rate, numbers, read_lines, whole
 from latentmotion.formats.takes import OURS
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import write_file
 from latentmotion.storage.reading import blamed_on, csv_rows
 
 _TIME = "time"
@@ -52,8 +52,7 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         # Adding zero makes 0 of the -0 that rounding leaves.
         rows = np.round(rows.astype(np.float64), 6) + 0.0
         lines += [",".join([f"{value:.6f}" for value in row]) for row in rows.tolist()]
-        with atomic_file(target) as temporary:
-            temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        write_file(target, "\n".join(lines) + "\n")
     return paths
 
 
@@ -151,6 +150,5 @@ def write_events(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         else:
             whole = {"fps": motion.fps, "seconds": motion.seconds, "events": events}
             text = json.dumps(whole, indent=1)
-        with atomic_file(target) as temporary:
-            temporary.write_text(text + "\n", encoding="utf-8")
+        write_file(target, text + "\n")
     return paths

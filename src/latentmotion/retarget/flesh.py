@@ -20,10 +20,11 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 
 from latentmotion.errors import InputError, LatentMotionError
+from latentmotion.formats.bones import matrix_of
 from latentmotion.formats.gltf_reader import damage
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import Humanoid
-from latentmotion.render.mannequin import Mannequin
+from latentmotion.render.mannequin import Mannequin, smooth_normals
 from latentmotion.retarget.rig import Rig, RigPose
 from latentmotion.retarget.rig_files import GltfFile
 
@@ -67,7 +68,13 @@ def surface_of(rig: Rig) -> Mannequin:
     faces = np.concatenate([part[3] + start for part, start in zip(parts, starts, strict=False)])
     vertices = rig.meters * (vertices - file.root) @ rig.axes
     joints = np.argsort(rig.order)[joints]
-    return Mannequin(vertices, _normals(vertices, faces), faces, joints, weights, rig.skeleton)
+    # Vertices at one place share their normals, such as at a texture's seams.
+    _, first, group = np.unique(
+        np.round(vertices, 5), axis=0, return_index=True, return_inverse=True
+    )
+    group = group.reshape(-1)
+    normals = smooth_normals(vertices[first], group[faces])[group]
+    return Mannequin(vertices, normals, faces, joints, weights, rig.skeleton)
 
 
 _Part = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -97,9 +104,7 @@ def _primitive(file: GltfFile, node: int, primitive: dict[str, Any]) -> _Part | 
     inverse = np.tile(np.eye(4), (len(bones), 1, 1))
     if "inverseBindMatrices" in entry:
         inverse = document.array(entry["inverseBindMatrices"]).astype(np.float64)
-    rest = np.tile(np.eye(4), (len(bones), 1, 1))
-    for number, bone in enumerate(bones):
-        rest[number, :3, 3], _, rest[number, :3, :3] = scene.rest_frame(bone)
+    rest = np.stack([matrix_of(scene.rest_frame(bone)) for bone in bones])
     used = document.array(attributes["JOINTS_0"]).astype(int)
     weights = document.array(attributes["WEIGHTS_0"]).astype(np.float64)
     weights = weights / np.maximum(weights.sum(-1, keepdims=True), 1e-9)
@@ -107,20 +112,6 @@ def _primitive(file: GltfFile, node: int, primitive: dict[str, Any]) -> _Part | 
     flat = np.concatenate([places, np.ones((len(places), 1))], axis=-1)
     world = np.einsum("vk,vkab,vb->va", weights, moved[..., :3, :], flat)
     return world, np.array([rank[bone] for bone in bones])[used], weights, faces
-
-
-def _normals(
-    vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
-) -> Float[np.ndarray, "vertices 3"]:
-    """Returns smooth normals; vertices at one place share theirs, such as at a texture's seams."""
-    _, corner_group = np.unique(np.round(vertices, 5), axis=0, return_inverse=True)
-    corner_group = corner_group.reshape(-1)
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    total = np.zeros((corner_group.max() + 1, 3))
-    for corner in range(3):
-        np.add.at(total, corner_group[faces[:, corner]], np.cross(b - a, c - a))
-    length = np.linalg.norm(total, axis=-1, keepdims=True)
-    return (total / np.where(length > 0, length, 1))[corner_group]
 
 
 # Distances from the bone's line beyond which a vertex is cloth or a weapon, as shares of a leg, or

@@ -185,7 +185,7 @@ class RigPose:
 def read_rig(
     path: str | Path, joint_map: JointMap | None = None, stated: Stated | None = None
 ) -> Rig:
-    """Reads a rig from `.glb`, `.gltf`, `.vrm`, `.fbx`, `.bvh` or `.asf`.
+    """Reads a rig from `.glb`, `.gltf`, `.vrm`, `.fbx` or `.bvh`.
 
     Args:
         path: The file.

@@ -26,15 +26,12 @@ from jaxtyping import Float
 
 from latentmotion.errors import InputError
 from latentmotion.formats import fbx, numbered
-from latentmotion.formats.asf_amc import figure_skeleton, read_asf
-from latentmotion.formats.bvh import continuous_euler, read_bvh, read_hierarchy, write_bvh
+from latentmotion.formats.bvh import continuous_euler, read_bvh, read_hierarchy, write_frames
 from latentmotion.formats.checks import read_lines
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.gltf_reader import GltfScene, damage
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Animation, Skeleton
-from latentmotion.storage.files import atomic_file
-from latentmotion.storage.reading import blamed_on
 
 # Changes of a rotation or a position up to which a bone counts as resting.
 _STILL = 1e-6
@@ -87,9 +84,9 @@ def open_rig(path: str | Path) -> RigFile:
     source = Path(path)
     if not source.is_file():
         raise InputError(f"there is no file {source}")
-    kinds: dict[str, type[GltfFile | BvhFile | AsfFile]] = {
+    kinds: dict[str, type[GltfFile | BvhFile]] = {
         **dict.fromkeys((".glb", ".gltf", ".vrm"), GltfFile),  # VRM is GLB with an extension
-        **{".fbx": FbxFile, ".bvh": BvhFile, ".asf": AsfFile},
+        **{".fbx": FbxFile, ".bvh": BvhFile},
     }
     if source.suffix.lower() not in kinds:
         raise InputError(f"{source} is no rig that can be read; expected {', '.join(kinds)}")
@@ -149,12 +146,8 @@ class GltfFile(RigFile):
             for number, (node, channel, values) in enumerate(self._tracks(take.animation)):
                 entry = document.json["nodes"][node]
                 if "matrix" in entry:  # animated nodes must have its parts instead
-                    matrix = np.array(entry.pop("matrix"), dtype=np.float64).reshape(4, 4).T
-                    scale = np.linalg.norm(matrix[:3, :3], axis=0)
-                    scale[0] *= np.sign(np.linalg.det(matrix[:3, :3])) or 1.0
-                    rotation = quaternion_from_matrix(matrix[:3, :3] / scale)[[1, 2, 3, 0]]
-                    entry["translation"] = matrix[:3, 3].tolist()
-                    entry |= {"rotation": rotation.tolist(), "scale": scale.tolist()}
+                    entry |= self.scene.transforms[node].parts()
+                    del entry["matrix"]
                 output = document.add_array(values.astype("f4"))
                 samplers.append({"input": clock, "output": output})
                 channels.append({"sampler": number, "target": {"node": node, "path": channel}})
@@ -242,37 +235,5 @@ class BvhFile(RigFile):
                 for axis, kind in node.channels:
                     position = positions[:, "XYZ".index(axis)]
                     columns.append(position if kind == "position" else angles[axis])
-            rows = np.round(np.stack(columns, axis=1), 6) + 0.0
-            template = " ".join(["%.6f"] * rows.shape[1])
-            timing = [f"Frames: {len(rows)}", f"Frame Time: {1 / animation.fps:.8f}"]
-            lines = [*self.head, *timing, *(template % tuple(row) for row in rows.tolist())]
-            with atomic_file(target) as temporary:
-                temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        return paths
-
-
-class AsfFile(RigFile):
-    """An ASF file.
-
-    Args:
-        path: The file.
-
-    Raises:
-        FileFormatError: It is damaged.
-    """
-
-    movable = frozenset({0})
-
-    def __init__(self, path: Path) -> None:
-        figure = read_asf(path)
-        self.path, self.unit = path, 1.0
-        with blamed_on(path):
-            self.skeleton = figure_skeleton(path.stem, figure)
-        self.root = figure.meters * np.asarray(figure.position)
-
-    def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:
-        """Writes one BVH file for each take, in centimeters."""
-        paths = numbered(path, len(takes))
-        for target, take in zip(paths, takes, strict=True):
-            write_bvh(target, take.animation)
+            write_frames(target, self.head, columns, animation.fps)
         return paths

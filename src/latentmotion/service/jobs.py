@@ -40,7 +40,7 @@ from latentmotion.service.batching import CLIENT, Turns, check, room
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import BatchRequest, JobState
 from latentmotion.service.state import Service
-from latentmotion.storage.files import atomic_file, is_disk_full
+from latentmotion.storage.files import is_disk_full, write_file
 
 MOST = 1000
 """Most jobs in the folder, finished ones included."""
@@ -96,8 +96,7 @@ class Jobs:
             (folder / "lock").touch()  # now, as there may be no room later
             if client:
                 (folder / "client").write_text(client)
-            with atomic_file(folder / "request.json") as temporary:
-                temporary.write_text(request.model_dump_json(), encoding="utf-8")
+            write_file(folder / "request.json", request.model_dump_json())
         except (LatentMotionError, OSError):
             shutil.rmtree(folder, ignore_errors=True)
             raise
@@ -211,8 +210,7 @@ class Jobs:
                 raw = request.to_clean(raw)
                 until = time.monotonic() + PATIENCE
                 content, _ = await service.file(raw, "npz", request.clean, request.fps, until)
-                with atomic_file(part) as temporary:
-                    temporary.write_bytes(content)
+                write_file(part, content)
             names = [part.name for part in _parts(folder)]
             task = {"verb": "join", "folder": str(folder), "files": names}
             await service.written({**task, "format": request.format}, b"", PATIENCE)
@@ -228,8 +226,7 @@ class Jobs:
             if not isinstance(error, LatentMotionError | Problem):
                 print(f"error: job {folder.name}: {error!r}", file=sys.stderr)
                 problem = "the service failed; its log says why"
-            with atomic_file(folder / "error") as temporary:
-                temporary.write_text(problem, encoding="utf-8")
+            write_file(folder / "error", problem)
 
     def _request(self, folder: Path) -> BatchRequest:
         try:

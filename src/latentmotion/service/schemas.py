@@ -42,7 +42,7 @@ Format = Literal[FileFormat, "raw", "viewer"]
 Readable = Literal["npz", "npy", "csv", "bvh", "glb", "gltf", "usda", "usdc", "usdz"]
 """Formats of uploaded motions."""
 
-Character = Literal["glb", "gltf", "bvh", "asf"]
+Character = Literal["glb", "gltf", "bvh"]
 """Formats of uploaded characters."""
 
 Text = Annotated[str, Field(max_length=MOST_CHARACTERS, description="What the person does.")]

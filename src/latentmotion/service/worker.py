@@ -32,7 +32,7 @@ from latentmotion.retarget import read_rig, transfer
 from latentmotion.retarget.rig import inspect_rig
 from latentmotion.storage.children import limit
 from latentmotion.storage.configuration import from_json
-from latentmotion.storage.files import atomic_file, is_disk_full
+from latentmotion.storage.files import is_disk_full, write_file
 
 MEMORY = 1 << 32
 """Largest address space of a worker, bytes (4 GiB)."""
@@ -191,8 +191,7 @@ def join(task: dict[str, Any], content: bytes) -> Reply:
     folder = Path(task["folder"])
     motions = [motion for file in task["files"] for motion in formats.load(folder / file)]
     joined, form = encoded(motions, task["format"])
-    with atomic_file(folder / f"answer.{form}") as temporary:
-        temporary.write_bytes(joined)
+    write_file(folder / f"answer.{form}", joined)
     return {"format": form}, b""
 
 

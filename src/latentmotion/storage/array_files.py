@@ -97,7 +97,7 @@ def holds_objects(path: str | Path) -> bool:
         FileFormatError: It is no `.npy`, or damaged.
     """
     with _damage(path), Path(path).open("rb") as opened:
-        return _header(path, "the array", opened)[2].hasobject
+        return read_header(opened)[2].hasobject
 
 
 def write_arrays(path: str | Path, arrays: Mapping[str, Any]) -> None:
@@ -129,24 +129,28 @@ def check_members(path: str | Path, members: Collection[zipfile.ZipInfo]) -> Non
         raise FileFormatError(path, problem)
 
 
-def _header(
-    path: str | Path, where: str, file: BinaryIO | Any
+def read_header(
+    file: BinaryIO | Any, where: str = "the array"
 ) -> tuple[tuple[int, ...], bool, np.dtype]:
-    """Returns shape, order and type of an array, as its header says."""
+    """Returns shape, order and type of an array, as its header says.
+
+    Raises:
+        ValueError: It is damaged, or of another version.
+    """
     version = np.lib.format.read_magic(file)
     headers = {
         (1, 0): np.lib.format.read_array_header_1_0,
         (2, 0): np.lib.format.read_array_header_2_0,
     }
     if version not in headers:
-        raise FileFormatError(path, f"{where} is of the version {version} of .npy")
+        raise ValueError(f"{where} is of the version {version} of .npy")
     return headers[version](file)
 
 
 def _array(path: str | Path, name: str, file: BinaryIO | Any, size: int) -> np.ndarray:
     """Reads an array of a file of so many bytes, once its header says that it fits."""
     where = f"the array {name!r}" if name else "the array"
-    shape, fortran, dtype = _header(path, where, file)
+    shape, fortran, dtype = read_header(file, where)
     if dtype.kind not in _KINDS or dtype.hasobject or dtype.names:
         raise FileFormatError(path, f"{where} holds {dtype}, expected numbers or text")
     count = math.prod(shape)

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from latentmotion.errors import FileFormatError, InputError, hint
 from latentmotion.plugins import Group, plugin, plugin_names
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import write_file
 from latentmotion.storage.reading import read_json_file
 
 T = TypeVar("T")
@@ -64,8 +64,7 @@ def from_json(cls: type[T], data: Any, where: str = "") -> T:
 
 def write_json(path: str | Path, value: Any) -> None:
     """Writes a dataclass as indented JSON."""
-    with atomic_file(path) as temporary:
-        temporary.write_text(json.dumps(to_json(value), indent=1) + "\n", encoding="utf-8")
+    write_file(path, json.dumps(to_json(value), indent=1) + "\n")
 
 
 def read_json(cls: type[T], path: str | Path) -> T:

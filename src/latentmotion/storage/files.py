@@ -70,6 +70,12 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def write_file(path: str | Path, content: str | bytes) -> None:
+    """Writes a whole file, text as UTF-8, as `atomic_file` does."""
+    with atomic_file(path) as temporary:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
 @contextmanager
 def atomic_folder(path: str | Path, marker: str) -> Iterator[Path]:
     """Yields an empty temporary folder, put in place of `path` when the block succeeds.

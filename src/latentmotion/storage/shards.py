@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 
 from latentmotion.errors import DataError, InputError, MissingExtraError
 from latentmotion.storage.configuration import from_json, to_json
-from latentmotion.storage.files import atomic_file, check_writable, remove_left
+from latentmotion.storage.files import check_writable, remove_left, write_file
 from latentmotion.storage.reading import blamed_on, parse_json, read_bytes
 
 _PART = ".part"
@@ -64,8 +64,7 @@ class LocalFolder:
         Raises:
             InputError: It cannot be written.
         """
-        with atomic_file(self.path / name) as temporary:
-            temporary.write_bytes(content)
+        write_file(self.path / name, content)
 
     def tidy(self) -> None:
         """Removes what killed writers left."""
@@ -164,8 +163,6 @@ def folder_at(address: str, create: bool = False) -> Folder:
 
 RUN_FILE = "run.json"
 MANIFEST_FILE = "manifest.json"
-RETRIES = 3
-"""Retries on a cluster of a shard whose worker failed."""
 
 
 @dataclass(frozen=True)
@@ -310,50 +307,6 @@ def make(
     for name in share.of(work.run.shards):
         if _record_of(name) not in there:
             report(finish(folder, name, work.tasks[name], work.run.digest))
-    return conclude(work.run, folder)
-
-
-def submit(
-    work: Work, folder: Folder, address: str, report: Callable[[Record], object] = id
-) -> ShardManifest | None:
-    """Makes the shards on the workers of a Dask cluster, all but finished ones.
-
-    Args:
-        work: The shards.
-        folder: Where they are written; every worker must see it at the same address.
-        address: The cluster's scheduler, such as `tcp://host:8786`.
-        report: Called with the record of each shard that is made.
-
-    Returns:
-        The manifest.
-
-    Raises:
-        InputError: The cluster cannot be reached or its workers failed; or as for `make`.
-        MissingExtraError: Dask is not installed.
-    """
-    try:
-        from distributed import Client, as_completed
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("--dask", "distributed", "bulk") from error
-    start(work.run, folder)
-    there = folder.names()
-    try:
-        client = Client(address, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"no Dask scheduler at {address}: {error}") from error
-    with client:
-        futures = [
-            # Each is a graph of its own, so that no message holds all prompts.
-            client.submit(
-                finish, folder, name, work.tasks[name], work.run.digest, pure=False, retries=RETRIES
-            )
-            for name in work.run.shards
-            if _record_of(name) not in there
-        ]
-        for future in as_completed(futures, loop=client.loop):
-            if future.status != "finished":
-                raise InputError(f"a worker failed: {future.exception()!s:.500}")
-            report(future.result())
     return conclude(work.run, folder)
 
 

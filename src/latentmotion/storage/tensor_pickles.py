@@ -24,7 +24,7 @@ import numpy as np
 
 from latentmotion.errors import FileFormatError
 from latentmotion.storage import limits
-from latentmotion.storage.array_files import DAMAGE, check_members
+from latentmotion.storage.array_files import DAMAGE, check_members, read_header
 from latentmotion.storage.pickles import (
     ALLOWED,
     ForbiddenName,
@@ -102,12 +102,7 @@ def _zipped(path: str | Path) -> Any:
 def _objects(raw: bytes) -> Any:
     """Reads an array of NumPy's, of numbers or of objects."""
     file = io.BytesIO(raw)
-    version = np.lib.format.read_magic(file)
-    read = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }
-    shape, fortran, kind = read[version](file)
+    shape, fortran, kind = read_header(file)
     if kind.hasobject:
         return _Unpickler(file).load()
     return _array(StandInType(kind.str).values(file.read(), shape), shape, fortran)

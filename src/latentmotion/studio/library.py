@@ -41,7 +41,7 @@ from latentmotion.language.words import other_forms
 from latentmotion.motion import Motion
 from latentmotion.retarget.rig import RigReport
 from latentmotion.storage.configuration import from_json
-from latentmotion.storage.files import atomic_file, is_durable, sync_names
+from latentmotion.storage.files import atomic_file, is_durable, sync_names, write_file
 from latentmotion.storage.reading import parse_json
 
 SLOWEST, FASTEST = 0.1, 10.0
@@ -454,8 +454,7 @@ class Library:
         digest = hashlib.sha256(content).hexdigest()
         path = self._motion_file(digest)
         if not path.is_file():
-            with atomic_file(path) as temporary:
-                temporary.write_bytes(content)
+            write_file(path, content)
         return digest
 
     def add_character(self, name: str, file: Path, bones: Mapping[str, Any]) -> Character:

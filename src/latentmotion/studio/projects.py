@@ -23,7 +23,7 @@ from latentmotion.formats.content import MEDIA_TYPES
 from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, uploaded
 from latentmotion.storage.configuration import read_plain
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import write_file
 from latentmotion.storage.reading import parse_json
 from latentmotion.studio.library import Library, UnknownError
 from latentmotion.studio.schemas import (
@@ -119,8 +119,7 @@ def write(folder: Path, name: str, project: Mapping[str, Any]) -> None:
     except (ValueError, RecursionError) as error:  # NaN, halves of characters, deep nesting
         raise InputError(f"this project cannot be written as JSON: {error}") from error
     parse_json(text, f"project {name!r}")  # what could not be read again is told now
-    with atomic_file(folder / f"{name}.json") as temporary:
-        temporary.write_bytes(content)
+    write_file(folder / f"{name}.json", content)
 
 
 # Names that Windows keeps for devices.

@@ -22,7 +22,7 @@ from latentmotion.errors import InputError
 from latentmotion.model.card import CARD_FILE, shipped_models
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.storage.files import atomic_file, read_lines, sha256
+from latentmotion.storage.files import read_lines, sha256, write_file
 from latentmotion.viewer.page import json_in_html, packed_script, payload
 
 Model = Literal["A", "B"]
@@ -159,8 +159,7 @@ def study_html(study: Study) -> str:
 def write_study_page(path: str | Path, study: Study) -> None:
     """Writes `study_html` to a file, whole or not at all."""
     page = study_html(study)
-    with atomic_file(path) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+    write_file(path, page)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from jaxtyping import Float, Int
 from latentmotion.errors import InputError
 from latentmotion.kinematics.rotations import quaternion_from_matrix
 from latentmotion.motion import Motion
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import write_file
 
 FINEST_STEP = 1e-4
 """Step of the quantized joint positions, meters."""
@@ -136,8 +136,7 @@ def write_page(
 ) -> None:
     """Writes `page_html` to a file, whole or not at all."""
     page = page_html(motions, title, figure)
-    with atomic_file(path) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+    write_file(path, page)
 
 
 def payload(motions: Sequence[Motion]) -> dict[str, Any]:
