@@ -112,9 +112,6 @@ class Web:
     """Folder to write."""
     runtime: Path = Path("node_modules/onnxruntime-web/dist")
     """Folder with ONNX Runtime's WebAssembly: npm install onnxruntime-web@1.30.0"""
-    pyodide: Path | None = None
-    """Folder of Pyodide (npm install pyodide@314.0.7) and NumPy's wheel for it, from Pyodide's
-    release: with it the page cleans motions up and writes CSV and HTML too."""
 
     def run(self) -> None:
         """Writes the site and prints its size.
@@ -125,11 +122,9 @@ class Web:
         """
         check_replaceable(self.output, "service.js")
         if (Path(self.model) / site.MANIFEST_FILE).is_file():
-            site.write_site(self.output, Path(self.model), self.runtime, self.pyodide)
+            site.write_site(self.output, Path(self.model), self.runtime)
         else:
             site.runtime_file(self.runtime)
-            if self.pyodide is not None:
-                site.pyodide_files(self.pyodide)
             try:
                 from latentmotion.export.web import export_web
             except ModuleNotFoundError as error:
@@ -137,8 +132,6 @@ class Web:
             with tempfile.TemporaryDirectory() as temporary:
                 exported = Path(temporary) / "model"
                 export_web(find_model(self.model), exported)
-                site.write_site(self.output, exported, self.runtime, self.pyodide)
+                site.write_site(self.output, exported, self.runtime)
         size = sum(file.stat().st_size for file in self.output.rglob("*") if file.is_file()) / 1e6
         print(f"wrote {self.output} ({size:.1f} MB)")
-        if self.pyodide is None:
-            print("clean-up and CSV and HTML files are left out; --pyodide FOLDER adds them")

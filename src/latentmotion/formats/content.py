@@ -1,7 +1,4 @@
-"""Motions as the content of a file: bytes in a requested format, and its media type.
-
-`rewritten` is what the static page calls in the browser, where Pyodide runs it.
-"""
+"""Motions as the content of a file: bytes in a requested format, and its media type."""
 
 from __future__ import annotations
 
@@ -10,7 +7,6 @@ import json
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -18,9 +14,7 @@ from typing import Any
 import numpy as np
 
 from latentmotion import formats
-from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.errors import DiskFullError, InputError, LatentMotionError
-from latentmotion.language.reading import asked_exactly, stays_on_floor
 from latentmotion.motion import Motion
 from latentmotion.viewer.page import payload
 
@@ -47,36 +41,6 @@ MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
     }
 )
 """Each format and its media type."""
-
-
-def rewritten(content: bytes, form: str, clean: bool = False) -> tuple[bytes, str]:
-    """Returns generated motions of an `.npz` file in another format, and the format they have.
-
-    Args:
-        content: The file's content.
-        form: A format, see `encoded`.
-        clean: Whether the motions are cleaned up before.
-
-    Raises:
-        FileFormatError: The content is damaged or of another kind.
-        LatentMotionError: The format needs what is not installed.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "motion.npz"
-        file.write_bytes(content)
-        motions = formats.load(file)
-    if clean:  # the page gives lengths, so counts stay as they are
-        corrections = [
-            replace(
-                asked_exactly(motion.caption, False),
-                sharpens=True,
-                settles=True,
-                on_floor=stays_on_floor(motion.caption),
-            )
-            for motion in motions
-        ]
-        motions = clean_batch(motions, CleanUp(), corrections)
-    return encoded(motions, form)
 
 
 def encoded(motions: Sequence[Motion], form: str) -> tuple[bytes, str]:

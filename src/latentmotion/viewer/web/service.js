@@ -1,8 +1,6 @@
-// Keeps the page itself for visits without a network, and Python once it was used; the model is kept
-// under its own hash.
+// Keeps the page itself for visits without a network; the model is kept under its own hash.
 
 const PAGE = "latentmotion-site-{{version}}";
-const PYTHON = "latentmotion-site-python-{{python}}";
 const FILES = {{files}};
 const address = (name) => new URL(name, registration.scope).pathname;
 
@@ -17,7 +15,7 @@ addEventListener("activate", (event) => {
 
 async function forgetOthers() {
   const names = (await caches.keys()).filter((name) => name.startsWith("latentmotion-site-"));
-  const old = names.filter((name) => name !== PAGE && name !== PYTHON);
+  const old = names.filter((name) => name !== PAGE);
   await Promise.all(old.map((name) => caches.delete(name)));
 }
 
@@ -25,15 +23,10 @@ addEventListener("fetch", (event) => {
   const { request } = event;
   const { pathname } = new URL(request.url);
   if (request.method !== "GET" || pathname.startsWith(address("model/"))) return;
-  event.respondWith(answer(request, pathname.startsWith(address("python/")) ? PYTHON : PAGE));
+  event.respondWith(answer(request));
 });
 
-async function answer(request, name) {
-  const cache = await caches.open(name);
-  const kept = await cache.match(request, { ignoreSearch: true });
-  if (kept) return kept;
-  const response = await fetch(request);
-  // A full disk must not keep anyone from the file.
-  if (name === PYTHON && response.ok) await cache.put(request, response.clone()).catch(() => {});
-  return response;
+async function answer(request) {
+  const cache = await caches.open(PAGE);
+  return (await cache.match(request, { ignoreSearch: true })) ?? fetch(request);
 }

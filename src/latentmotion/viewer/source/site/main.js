@@ -7,7 +7,6 @@ import { OWN, standing } from "../mannequin.js";
 import { Player } from "../player.js";
 import { bvh, fileName, metadataOf, npz, save } from "./files.js";
 import { glb } from "./glb.js";
-import { isAsleep, PYTHON_SIZE, rewritten } from "./python.js";
 import { fromAddress, fromForm, intoForm, toAddress } from "./recipe.js";
 
 const find = (id) => document.getElementById(id);
@@ -20,8 +19,7 @@ const READY = {
 };
 let generator = null;
 let body = null; // the drawn skeleton, one for all takes
-let made = []; // motions as the model made them
-let shown = []; // the same as they are shown and saved: cleaned up or not
+let shown = []; // motions as they are shown and saved
 let asked = 0; // number of the last request
 
 /** The skeleton of a model, with the lengths of its bones. */
@@ -100,8 +98,8 @@ async function generate() {
       if (!isWanted()) return;
     }
     const took = Math.round(performance.now() - started);
-    made = motions;
-    await showMade(isWanted);
+    if (!isWanted()) return;
+    await show(motions);
     if (isWanted()) say(`${motions[0].seconds} s of motion in ${took} ms.`);
   });
 }
@@ -118,35 +116,6 @@ async function request(work) {
     if (isWanted()) say(error.message, "wrong");
   }
   if (isWanted()) document.body.dataset.state = "ready";
-}
-
-/** Shows the motions, cleaned up if wanted; if that fails, as they are. */
-async function showMade(isWanted, stay = false) {
-  let motions = made;
-  try {
-    if (find("clean").checked) motions = await cleaned(made);
-  } catch (error) {
-    find("clean").checked = false;
-    if (isWanted()) await show(made, stay);
-    throw error;
-  }
-  if (isWanted()) await show(motions, stay);
-}
-
-function waitFor(work) {
-  say(isAsleep() ? `Loading Python: ${PYTHON_SIZE} MB, once …` : work);
-}
-
-/** Returns motions as Python cleans them up. */
-async function cleaned(motions) {
-  waitFor("Cleaning up …");
-  const { file } = await rewritten(npz(motions), "raw", true);
-  const joints = new Float32Array(file.slice().buffer);
-  let end = 0;
-  return motions.map((motion) => {
-    end += motion.joints.length;
-    return { ...motion, joints: joints.subarray(end - motion.joints.length, end) };
-  });
 }
 
 async function show(motions, stay = false) {
@@ -202,31 +171,16 @@ function showTime() {
   find("play").textContent = playing ? "Pause" : "Play";
 }
 
-async function write() {
+function write() {
   const format = find("format").value;
   const motions = chosen().map((take) => shown[take]);
   if (format === "npz") {
     save(fileName(motions[0], "npz"), npz(motions));
-  } else if (PYTHON_SIZE) {
-    await request(async (isWanted) => {
-      waitFor(`Writing ${format.toUpperCase()} …`);
-      const { file, form } = await rewritten(npz(motions), format);
-      if (!isWanted()) return;
-      save(fileName(motions[0], form), file);
-      say(`Saved ${fileName(motions[0], form)}.`);
-    });
   } else if (format === "glb") {
     save(fileName(motions[0], "glb"), glb(chosen().map((take) => player.takes[take]), motions.map(metadataOf)), "model/gltf-binary");
   } else {
     for (const take of chosen()) save(fileName(shown[take], "bvh"), bvh(player.takes[take]));
   }
-}
-
-async function cleanUp() {
-  await request(async (isWanted) => {
-    await showMade(isWanted, true);
-    if (isWanted()) say(find("clean").checked ? "Cleaned up." : "As the model made it.");
-  });
 }
 
 form.addEventListener("submit", (event) => {
@@ -243,12 +197,7 @@ find("scrub").addEventListener("input", () => {
   player.timeline.seek(Number(find("scrub").value));
 });
 find("write").addEventListener("click", write);
-find("clean").addEventListener("change", cleanUp);
 find("figure").addEventListener("change", () => show(shown, true));
-if (!PYTHON_SIZE) {
-  find("clean").disabled = find("clean").closest("label").hidden = true;
-  for (const option of [...find("format").options]) if (!/glb|bvh|npz/.test(option.value)) option.remove();
-}
 find("share").addEventListener("click", async () => {
   try {
     await navigator.clipboard.writeText(location.href);
@@ -264,7 +213,7 @@ addEventListener("hashchange", () => {
 });
 document.addEventListener("keydown", (event) => {
   const typing = /^(INPUT|SELECT|BUTTON|TEXTAREA|SUMMARY)$/.test(event.target.tagName);
-  if (event.key !== " " || typing || !made.length) return;
+  if (event.key !== " " || typing || !shown.length) return;
   event.preventDefault();
   player.timeline.play(!player.timeline.playing);
 });
