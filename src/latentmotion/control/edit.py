@@ -38,6 +38,7 @@ from latentmotion.control.reach import (
 )
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError, hint
+from latentmotion.kinematics.inverse_kinematics import nearest_rotation
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.model.config import STRIDE, Sampling
 from latentmotion.motion import Motion
@@ -575,7 +576,12 @@ def with_parts(own: Joints, other: Joints, parts: Sequence[BodyPart], skeleton: 
     moved, names = own.astype(np.float64), skeleton.names
     for part in parts:
         carried = [names.index(name) for name in part.carried_by]
-        turned = _rotation(other[:, carried], own[:, carried])
+        # The rotations that bring what carries the part onto its own place best (Kabsch 1976).
+        there, here = (
+            points[:, carried].astype(np.float64) - points[:, carried].mean(axis=1, keepdims=True)
+            for points in (other, own)
+        )
+        turned = nearest_rotation(np.einsum("tci,tcj->tij", here, there))
         for name in part.joints:
             joint = names.index(name)
             parent = skeleton.parents[joint]
@@ -587,13 +593,3 @@ def with_parts(own: Joints, other: Joints, parts: Sequence[BodyPart], skeleton: 
     replaced = own.copy()
     replaced[:, changed] = moved[:, changed]
     return replaced
-
-
-def _rotation(
-    start: Float[np.ndarray, "frames few 3"], end: Float[np.ndarray, "frames few 3"]
-) -> Float[np.ndarray, "frames 3 3"]:
-    """Returns the rotations that bring points onto others best (Kabsch 1976)."""
-    a, b = (points - points.mean(axis=1, keepdims=True) for points in (start, end))
-    u, _, vt = np.linalg.svd(np.einsum("tci,tcj->tij", b.astype(float), a.astype(float)))
-    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
-    return u @ vt

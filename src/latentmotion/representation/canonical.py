@@ -27,6 +27,7 @@ from jaxtyping import Float
 
 from latentmotion.arrays import array_namespace, device
 from latentmotion.kinematics import rotations
+from latentmotion.kinematics.inverse_kinematics import nearest_rotation
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 
 SMOOTHING_FRAMES = 20.0
@@ -151,9 +152,7 @@ def rotations_from(
         bones = joints[:, children] - joints[:, [joint]]
         rest = skeleton.offsets[children]
         if len(children) > 1:
-            u, _, vt = np.linalg.svd(np.einsum("tci,cj->tij", bones, rest))
-            u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
-            world[:, joint] = u @ vt
+            world[:, joint] = nearest_rotation(np.einsum("tci,cj->tij", bones, rest))
         elif children:
             swing = rotations.matrix_between(world[:, joint] @ rest[0], bones[:, 0])
             world[:, joint] = swing @ world[:, joint]
