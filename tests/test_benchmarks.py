@@ -172,7 +172,7 @@ def test_training_prints_every_stage(capsys):
     tiny = ["--first", "2", "--second", "2", "--frames", "16", "--turns", "1", "--threads", "1"]
     training.main([*tiny, "--presets", "starter"])
     found = rows(capsys.readouterr().out)
-    for name in ("ours, `starter`", "of `starter`, phased consistency"):
+    for name in ("ours, `starter`", "of `starter`, trajectories"):
         motions, frames, seconds, _, per_second, *_ = numbers(found[name])
         assert per_second == pytest.approx(motions / seconds, rel=0.02)
         assert frames == 16

@@ -93,7 +93,7 @@ def _distilled(options: argparse.Namespace) -> dict[str, Entry]:
     batch, frames, settings = options.second, options.frames, Distillation()
     stage = DistillationStage(options.teacher, settings, batch, frames)
     step = whole(step_of(stage, settings.training))
-    return {f"of `{options.teacher}`, phased consistency": (step, batch, frames)}
+    return {f"of `{options.teacher}`, trajectories": (step, batch, frames)}
 
 
 if __name__ == "__main__":

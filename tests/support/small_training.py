@@ -16,7 +16,6 @@ from latentmotion.model.config import FewStepConfig
 from latentmotion.training import loop
 from latentmotion.training.distillation.data import (
     Distillation,
-    PhasedConsistency,
     TrajectoryRegression,
 )
 from latentmotion.training.distributed import DistributedContext, Ranks
@@ -70,7 +69,7 @@ def small(**changes: object) -> Experiment:
 
 
 def short_distillation(
-    few_step: FewStepConfig, objective: TrajectoryRegression | PhasedConsistency, **changes: int
+    few_step: FewStepConfig, objective: TrajectoryRegression, **changes: int
 ) -> Distillation:
     """Returns a distillation of a second."""
     training = {"steps": 8, "batch_size": 8, "precision": "float32", "snapshot_every": 2, **changes}

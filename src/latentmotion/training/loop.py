@@ -182,9 +182,6 @@ class Stage(nn.Module, ABC, Generic[Network]):
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`; "total" is minimized, the others are reported."""
 
-    def follow(self, average: Network) -> None:
-        """Receives the averaged network before training, for losses that evaluate it."""
-
     @abstractmethod
     def validate(self, network: Network) -> Mapping[str, float]:
         """Figures of `network` on data it is not trained on."""
@@ -213,7 +210,6 @@ def train(
         average.shard(context)
         shard(stage, stage.network, context)
         stage.to(context.device)
-    stage.follow(average.network)
     optimizer = torch.optim.AdamW(
         stage.network.parameters(),
         settings.learning_rate,

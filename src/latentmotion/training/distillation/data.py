@@ -18,7 +18,7 @@ from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
 from latentmotion.data.instructions import Instruction, instructions
-from latentmotion.engine.backend import FeatureDecoder, normalizer_of, representation_of
+from latentmotion.engine.backend import FeatureDecoder, representation_of
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import FewStepConfig
@@ -27,18 +27,10 @@ from latentmotion.text.encoder import silent_of_unknown
 from latentmotion.text.lengths import LengthFile
 from latentmotion.training.captioning.clauses import read_clauses
 from latentmotion.training.captioning.rewording import rewordings, written_wordings
-from latentmotion.training.denoiser import (
-    FreshLatents,
-    LatentCache,
-    cached_posteriors,
-    encode_crops,
-    keep_crops,
-)
+from latentmotion.training.denoiser import keep_crops
 from latentmotion.training.distillation.trajectories import (
     TRAJECTORIES_FILE,
-    PhaseSteps,
     PromptedTrajectories,
-    StepSource,
     Teacher,
     Trajectories,
     TrajectorySteps,
@@ -52,7 +44,7 @@ from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.stages import captions_of
 from latentmotion.training.takes import drawn_frames, judged
 from latentmotion.training.task_conditions import ConditionTable, items_to_learn, required_encoder
-from latentmotion.training.vae import BatchSampler, FeatureCache
+from latentmotion.training.vae import BatchSampler
 
 
 @dataclass(frozen=True)
@@ -76,18 +68,6 @@ class TrajectoryRegression:
 
 
 @dataclass(frozen=True)
-class PhasedConsistency:
-    """Phased consistency (Wang et al. 2024): motions, noise and scales are new at every step.
-
-    From anywhere in a phase the student is trained to arrive where its own average arrives after
-    one guided step of the teacher.
-    """
-
-    per_item: int = 4
-    """Crops kept of each clip, or part of a clip with sentences of its own."""
-
-
-@dataclass(frozen=True)
 class Distillation:
     """Settings of `latentmotion train distill`; the defaults are for two cores and some minutes."""
 
@@ -95,9 +75,7 @@ class Distillation:
     """Name of the model."""
     few_step: FewStepConfig = field(default_factory=FewStepConfig)
     """Step counts and guidance scales that the student learns."""
-    objective: TrajectoryRegression | PhasedConsistency = field(
-        default_factory=TrajectoryRegression
-    )
+    objective: TrajectoryRegression = field(default_factory=TrajectoryRegression)
     """Its training items."""
     solver: Literal["dpm++", "ddim"] = "dpm++"
     """Sampler of the teacher's trajectories.
@@ -146,12 +124,8 @@ class DistillationData:
     """Its denoiser, guided."""
     former: Teacher
     """Model of the drawn prompts' motions: the teacher, or one whose behavior is to be kept."""
-    dataset: Dataset
-    """Prepared motions."""
-    clips: tuple[Clip, ...]
-    """Those to learn from."""
     items: tuple[Item, ...]
-    """Their items; the teacher generates from their captions."""
+    """Items to learn from; the teacher generates from their captions."""
     held_out: tuple[Crop, ...]
     """Crops for evaluation only."""
     asked: tuple[tuple[Crop, Instruction], ...]
@@ -171,18 +145,13 @@ class DistillationData:
         # Seeds of noises that no trajectory of the training has.
         return self._trajectories("held_out.safetensors", blocks, 2**31) if blocks else None
 
-    def source(self) -> StepSource:
+    def source(self) -> TrajectorySteps:
         """Returns what the student learns from."""
-        match self.settings.objective:
-            case TrajectoryRegression():
-                return self._along_trajectories(self.settings.objective)
-            case PhasedConsistency(per_item):
-                return self._within_phases(per_item)
-
-    def _along_trajectories(self, settings: TrajectoryRegression) -> TrajectorySteps:
         training, cropping = self.settings.training, self.settings.cropping
         batches = BatchSampler(self.items, AT_ONCE, cropping, training.seed)
-        blocks = [batches(step) for step in range(max(settings.trajectories // AT_ONCE, 1))]
+        blocks = [
+            batches(step) for step in range(max(self.settings.objective.trajectories // AT_ONCE, 1))
+        ]
         parts = [self._trajectories(TRAJECTORIES_FILE, blocks, 0)]
         if self.asked:
             blocks = in_blocks(crop for crop, _ in self.asked)
@@ -245,23 +214,6 @@ class DistillationData:
         obedient = torch.tensor(obeys).nonzero()[:, 0].tolist()
         return trajectories.take(obedient, range(len(crops)))
 
-    def _within_phases(self, per_item: int) -> PhaseSteps:
-        settings, training = self.settings, self.settings.training
-        memory = FeatureCache(self.dataset, self.clips, normalizer_of(self.teacher.card))
-        space, device, vae = self.teacher.card.latents, self.context.device, self.model.vae
-        cropping, latents = settings.cropping, FreshLatents(vae, memory, device)
-        if self.model.card.vae.has_weights:
-            cropping = keep_crops(self.items, cropping, per_item, training.seed)
-            crops = cropping.every()
-            posteriors = cached_posteriors(
-                self.folder / "latents.safetensors",
-                lambda: encode_crops(vae.to(device), memory, crops, self.context),
-                self.context,
-            ).normalized(space.mean, space.std)
-            latents = LatentCache(crops, posteriors.to(device))
-        batches = BatchSampler(self.items, training.batch_size, cropping, training.seed)
-        return PhaseSteps(self.teacher, batches, latents, training, self.context)
-
 
 def prepare_distillation(
     settings: Distillation,
@@ -316,8 +268,6 @@ def prepare_distillation(
         model,
         teacher,
         answering,
-        dataset,
-        clips,
         tuple(items),
         tuple(held_out),
         drawn,
@@ -343,7 +293,7 @@ def drawn_crops(
         InputError: There is no text encoder, or no lengths.
     """
     objective, seed = settings.objective, settings.training.seed
-    if not isinstance(objective, TrajectoryRegression) or not objective.asked:
+    if not objective.asked:
         return ()
     if lengths is None:
         raise InputError(
@@ -376,7 +326,7 @@ def reworded_crops(
         items: Items with captions.
     """
     objective = settings.objective
-    if not isinstance(objective, TrajectoryRegression) or not objective.reworded:
+    if not objective.reworded:
         return ()
     shortest = max(settings.cropping.min_frames, settings.cropping.unit)
     verbs, captions = captions_to_reword([row for row in items if row.frames >= shortest])

@@ -55,13 +55,9 @@ class DistillStage(Stage[DenoiserNetwork]):
         self._prompts, self._device = data.teacher.prompts, data.context.device
         self._few_step, self._huber_delta = data.settings.few_step, data.settings.huber_delta
 
-    def follow(self, average: DenoiserNetwork) -> None:
-        """Remembers the averaged student, but not as a part of this module, which it is not."""
-        self._average = average.__call__
-
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`."""
-        batch = self._source(step, self._average)
+        batch = self._source(step)
         schedule, parametrization = self._card.schedule, self._card.parametrization
         loss = step_loss(self.network, batch, schedule, parametrization, self._huber_delta)
         return {"total": loss}

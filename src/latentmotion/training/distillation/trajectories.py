@@ -1,4 +1,4 @@
-"""Guided trajectories of the teacher, the steps learned on them, and phased consistency.
+"""Guided trajectories of the teacher, and the steps learned on them.
 
     noise, prompt, guidance w → the teacher's solver, guided → latents at the stops of all steps
 
@@ -6,13 +6,6 @@ They start from noise, as sampling does; noised data would lie off guided trajec
 computed once and kept in the run folder, as latents are for the second stage. The end of every step
 is the teacher's own, so training is a plain regression, as in knowledge distillation (Luhman &
 Luhman 2021).
-
-    motion, noise → z_t inside a phase → one guided step of the teacher → z_t'
-    → the averaged student's step to the phase's end, the student's target at z_t
-
-A phase is one step of the student's, so no other step is ever trained (Wang et al. 2024,
-phased consistency models; Dai et al. 2024, MotionLCM, for the scale as an input). A step of no
-length leads nowhere by its form, which anchors the agreement at the phase's end.
 """
 
 from __future__ import annotations
@@ -20,18 +13,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from safetensors.torch import load_file, save_file
-from torch import Tensor
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.data.dataset import Crop
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
-from latentmotion.diffusion.parametrization import ParametrizedDenoiser, add_noise
+from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import (
     Sampler,
     SamplerName,
@@ -47,12 +38,10 @@ from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.device import autocast
 from latentmotion.pipeline import sampler_of
 from latentmotion.storage.files import atomic_file
-from latentmotion.training.denoiser import FreshLatents, LatentCache
 from latentmotion.training.denoiser_loss import StepBatch
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import Precision, TrainingSettings
 from latentmotion.training.task_conditions import ConditionTable
-from latentmotion.training.vae import BatchSampler
 
 TRAJECTORIES_FILE = "trajectories.safetensors"
 """File of the trajectories in a distillation's run folder."""
@@ -219,20 +208,6 @@ def nothing(shape: tuple[int, ...]) -> np.ndarray:
     raise AssertionError(f"this solver draws no noise, asked for {shape}")
 
 
-@runtime_checkable
-class StepSource(Protocol):
-    """Training items of a student."""
-
-    def __call__(self, step: int, average: Callable[..., torch.Tensor]) -> StepBatch:
-        """Returns the student's steps of training step `step`, those of this rank.
-
-        Args:
-            step: A function of it and the seed alone is what is drawn.
-            average: The student with averaged weights.
-        """
-        ...
-
-
 @dataclass(frozen=True)
 class Phases:
     """Start and end of one step per item, in steps of the teacher's solver."""
@@ -312,7 +287,7 @@ class TrajectorySteps:
         self._times = torch.from_numpy(schedule.timesteps(few_step.solver_steps)).to(context.device)
         self._stops = torch.tensor(few_step.stops, device=context.device)
 
-    def __call__(self, step: int, average: Callable[..., torch.Tensor]) -> StepBatch:
+    def __call__(self, step: int) -> StepBatch:
         """Returns steps along the trajectories of training step `step`."""
         ranks, device = self._context.ranks, self._context.device
         batch, seed = self._training.batch_size, self._training.seed
@@ -331,62 +306,4 @@ class TrajectorySteps:
             condition=self._prompts(captions),
             mask=trajectories.mask,
             step_condition=StepCondition(trajectories.guidance, 1 / phases.counts),
-        )
-
-
-class PhaseSteps:
-    """Steps from noised motions to the ends of their phases.
-
-    Args:
-        teacher: The teacher.
-        batches: Which crops each step shows.
-        latents: Posteriors of all these crops, in the denoiser's scale.
-        training: The seed.
-        context: The device and rank.
-    """
-
-    def __init__(
-        self,
-        teacher: Teacher,
-        batches: BatchSampler,
-        latents: LatentCache | FreshLatents,
-        training: TrainingSettings,
-        context: DistributedContext,
-    ) -> None:
-        self._teacher, self._batches, self._latents = teacher, batches, latents
-        self._seed, self._context = training.seed, context
-        times = teacher.card.schedule.timesteps(teacher.few_step.solver_steps)
-        self._times = torch.from_numpy(times).to(context.device)
-
-    def __call__(self, step: int, average: Callable[..., Tensor]) -> StepBatch:
-        """Returns steps for the crops of training step `step`."""
-        crops, ranks = self._batches(step), self._context.ranks
-        shard = crops[ranks.shard(len(crops))]
-        chance = StepRandomness(self._seed, step, len(crops), ranks, self._context.device)
-        phases = drawn_phases(self._teacher.few_step, chance.uniform(), chance.uniform())
-        first = phases.first + (chance.uniform() * (phases.last - phases.first)).long()
-        least, most = self._teacher.few_step.guidance
-        step_condition = StepCondition(least + (most - least) * chance.uniform(), 1 / phases.counts)
-        latents = self._latents.batch(shard, crops)
-        shape = latents.mean.shape[1:]
-        z0, noise = latents.mean + latents.std * chance.normal(*shape), chance.normal(*shape)
-        start = add_noise(z0, noise, self._times[first], self._teacher.card.schedule)
-        # The first timestep is noise alone, as in sampling, even if the schedule keeps signal.
-        start = torch.where((first == 0)[:, None, None], noise, start)
-        condition = self._teacher.prompts([crop.caption for crop in shard])
-        t, after, s = (self._times[at] for at in (first, first + 1, phases.last))
-        mask, guided = latents.mask, self._teacher.guided(step_condition.guidance).denoiser
-        with torch.no_grad():  # a step with the teacher, then one with the averaged student
-            z = self._ddim_step(start, guided(start, t, condition, mask).float(), t, after)
-            output = average(z, after, condition, mask, step_condition).float()
-            there = self._ddim_step(z, output, after, s)
-        # No noise may be left there, which determines no prediction.
-        end = torch.where((after == s)[:, None, None], z, there)
-        return StepBatch(start, end, (t, s), condition, mask, step_condition)
-
-    def _ddim_step(self, z: Tensor, output: Tensor, t: Tensor, s: Tensor) -> Tensor:
-        """Makes a step of DDIM, each item between times of its own."""
-        card = self._teacher.card
-        return add_noise(
-            *card.parametrization.to_x0_eps(output, z, t, card.schedule), s, card.schedule
         )
