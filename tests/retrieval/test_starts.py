@@ -170,6 +170,12 @@ def test_who_does_push_ups_and_stands_up_rises_without_a_jump(fast):
     assert np.abs(np.diff(height)).max() * motion.fps < 1.5  # m/s
 
 
+def test_who_climbed_stays_up_for_what_follows(fast):
+    (motion,) = fast.batch(["climbs a ladder and waves"], seeds=[0])
+    lowest = motion.joints[..., 1].min(axis=1)
+    assert len(motion.metadata["from_clips"]) == 2 and lowest[-20:].min() > 0.5 > lowest[:10].max()
+
+
 def test_who_walks_before_a_rare_movement_goes_some_way(fast):
     walk, stand = fast.batch(["a person walks, then salutes", "salute"], seeds=[0, 0])
     for motion in (walk, stand):

@@ -95,6 +95,9 @@ LONGEST_STRETCH = 1.4
 # Speed at which the joints go from one movement to the next, m/s; most seconds of it.
 _SEAM, _LONGEST_SEAM = 0.6, 1.6
 
+# Meters above the floor from which one has climbed.
+_UP = 0.3
+
 # Most seconds of a movement that is sampled beside others from clips.
 LONGEST_SAMPLED = 4.0
 
@@ -299,7 +302,11 @@ class ClipStarts:
         return word in self.index.words or len(pieces(self.text_encoder, word)) == 1
 
     def _features(self, caption: IndexedCaption) -> Float[np.ndarray, "frames features"]:
-        latents = self.index.latents_of(caption)
+        return self._decoded(self.index.latents_of(caption))
+
+    def _decoded(
+        self, latents: Float[np.ndarray, "tokens width"]
+    ) -> Float[np.ndarray, "frames features"]:
         frames = len(latents) * (self.card.latents.frames_per_token or 1)
         return self.decode(latents[None], prefix_mask([frames]))[0]
 
@@ -500,6 +507,8 @@ class ClipStarts:
             self._latents(neighbor) if neighbor else self._sampled(choice, request)
             for neighbor, choice in zip(chosen, choices, strict=True)
         ]
+        if len(parts) > 1 and _climbs(" ".join(choice.sentence for choice in choices)):
+            parts = self._staying_up(parts, choices)
         seams = [self._seam(*pair) for pair in pairwise(parts)]
         if frames is None:
             longer = [
@@ -562,16 +571,37 @@ class ClipStarts:
 
         Poses are compared in the way that they face, above the same place.
         """
-        space, per_token = self.representation, self.card.latents.frames_per_token or 1
-        poses = []
+        space, poses = self.representation, []
         for latents, frame in ((before, -1), (after, 0)):
-            features = self.decode(latents[None], prefix_mask([len(latents) * per_token]))[0]
-            joints = space.decode(features)[frame].astype(np.float64)
+            joints = space.decode(self._decoded(latents))[frame].astype(np.float64)
             joints[:, [0, 2]] -= joints[0, [0, 2]]
             poses.append(turn(joints, -heading(joints, space.skeleton)))
         apart = float(np.linalg.norm(poses[1] - poses[0], axis=-1).mean())
         seconds = min(apart / _SEAM, _LONGEST_SEAM)
-        return max(round(seconds * space.fps / per_token), 1)
+        return max(round(seconds * space.fps / (self.card.latents.frames_per_token or 1)), 1)
+
+    def _staying_up(
+        self, parts: Sequence[Float[np.ndarray, "_ width"]], choices: Sequence[Choice]
+    ) -> list[Float[np.ndarray, "_ width"]]:
+        """Returns movements in a row of which none that begins on the floor follows a climb there.
+
+        Who has climbed a ladder waves from its top.
+        """
+        space, up = self.representation, [parts[0]]
+        for part, choice in zip(parts[1:], choices[1:], strict=True):
+            features = self._decoded(part)
+            begin, end = (
+                float(space.decode(those)[frame, :, 1].min())
+                for those, frame in ((features, 0), (self._decoded(up[-1]), -1))
+            )
+            stays = {"down", "off"}.isdisjoint(words_of(choice.sentence))
+            if stays and "root_height" in space.blocks and begin < _UP < end - begin:
+                raised, positions = features.copy(), space.blocks["positions"]
+                raised[:, space.blocks["root_height"]] += end - begin
+                raised[:, positions.start + 1 : positions.stop : 3] += end - begin
+                part = self.encoder(raised)
+            up.append(part)
+        return up
 
 
 def bridged(
@@ -613,6 +643,10 @@ def _most_beside(drawn: Neighbor, nearest: bool) -> float:
 
 def _gaits_of(sentence: str) -> list[Claim]:
     return [claim for claim in request_of(sentence).claims if claim.kind in kinds("gait")]
+
+
+def _climbs(sentence: str) -> bool:
+    return any(claim.kind == "climb" for claim in request_of(sentence).claims)
 
 
 def _fits(caption: str, sentence: str) -> bool:
