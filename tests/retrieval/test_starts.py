@@ -170,6 +170,14 @@ def test_who_does_push_ups_and_stands_up_rises_without_a_jump(fast):
     assert np.abs(np.diff(height)).max() * motion.fps < 1.5  # m/s
 
 
+@pytest.mark.parametrize("seconds", [1.0, 2.6, 9.8])
+def test_movements_in_a_row_fit_in_a_given_length(fast, seconds):
+    prompt = "drinks from a cup, does push-ups, then gets up and salutes"
+    (motion,) = fast.batch([prompt], seconds, [0])
+    assert len(motion) == round(seconds * motion.fps) and np.isfinite(motion.joints).all()
+    assert len(motion.metadata["from_clips"]) >= 2
+
+
 def test_who_climbed_stays_up_for_what_follows(fast):
     (motion,) = fast.batch(["climbs a ladder and waves"], seeds=[0])
     lowest = motion.joints[..., 1].min(axis=1)

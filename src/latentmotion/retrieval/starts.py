@@ -523,7 +523,10 @@ class ClipStarts:
             usual = limits and not shown and len(choices) == 1
             most = limits[1] * self.representation.fps if limits and usual else longest
             frames = int(min(max(frames, shortest), longest, most))
-        tokens = self.card.latents.tokens_of(frames) - sum(seams)
+        every = self.card.latents.tokens_of(frames)
+        most = every // (2 * len(parts))  # a short motion has short seams
+        seams = [min(seam, most) for seam in seams]
+        tokens = every - sum(seams)
         shares = np.cumsum([0, *map(len, parts)]) / sum(map(len, parts))
         ends = np.round(shares * tokens).astype(int)
         latents = [
@@ -541,6 +544,7 @@ class ClipStarts:
         if len(choices) > 1:  # each movement is as it is wanted but for the seams between
             left, keep = SHARES[0][1:]
             kept = np.where(kept > 0, keep, 0.0)
+        joined, kept = joined[:every], kept[:every]
         usual = USUAL / (USUAL + max(support, 0))
         unrelated = UNRELATED_OF_DRAWN if support == DRAWN else UNRELATED
         likely = max(rarest.cosine - unrelated, 0.0) / (1 - unrelated)
