@@ -140,6 +140,7 @@ def draw(
         for name, axis, sign in (("lean", 0, -1), ("twist", 1, 1), ("bend", 2, 1)):
             _turn(joints, moved, at[part], body.axes[:, axis], sign * curve(name)[:, 0] / 3)
     _turn(joints, [at["head"]], at["neck"], body.axes[:, 0], -curve("nod")[:, 0])
+    _turn(joints, [at["head"]], at["neck"], body.axes[:, 2], curve("tilt")[:, 0])
     raised = curve("shrug") * body.axes[:, 1]
     for side in SIDES:
         collar, *arm = body.limb(side, "collar shoulder elbow wrist")
@@ -151,7 +152,7 @@ def draw(
         hang = np.einsum("fd,fdb->fb", start[:, arm[2]] - start[:, arm[0]], turned)
         bent = start[:, arm[1]] - (start[:, arm[0]] + start[:, arm[2]]) / 2
         bent = np.einsum("fd,fdb->fb", bent, turned)
-        keys = gesture.get(side, gesture.get("both", [[0.0, "rest"]]))
+        keys = _places(gesture.get(side, gesture.get("both", [[0.0, "rest"]])))
         if any(key[1:] != ["rest"] for key in keys):
             wrist, led = _led(body, keys, side, joints[:, arm[0]] + hang, times)
             higher = ((wrist - joints[:, arm[0]]) * body.axes[:, 1]).sum(axis=1)
@@ -197,6 +198,11 @@ def _body(gesture: dict[str, Any], recording: np.ndarray, names: list[str], fram
     return Body(joints, at, axes.copy(), axes.copy())
 
 
+def _places(keys: list[list[Any]]) -> list[list[Any]]:
+    """Returns keys of places, each with the anchor that it is measured from."""
+    return [key if isinstance(key[1], str) else [key[0], "floor", *key[1:]] for key in keys]
+
+
 def _led(
     body: Body, keys: list[list[Any]], side: str, rest: Points, times: np.ndarray
 ) -> tuple[Points, Float[np.ndarray, "frames 1"]]:
@@ -229,7 +235,7 @@ def _step(
     rest[:, 1] = floor + gesture.get("lift", 1.0) * (rest[:, 1] - floor)
     beside = ((rest - start[:, 0]) * body.heading[:, 0]).sum(1, keepdims=True) * body.heading[:, 0]
     rest += (gesture.get("width", 1.0) - 1) * beside
-    keys = gesture.get(f"foot_{side}", gesture.get("feet", [[0.0, "rest"]]))
+    keys = _places(gesture.get(f"foot_{side}", gesture.get("feet", [[0.0, "rest"]])))
     place, _ = _led(body, keys, side, rest, times)
     place = place + _swung(body, swings, (f"foot_{side}", "feet"), sign, times)
     on_floor = _along(
