@@ -369,7 +369,7 @@ class JobMethods:
     @_Method
     def state(self) -> Flow[dict[str, Any]]:
         """Returns how far it is: state, motions, made, error."""
-        return self._state()
+        return (yield from self._client._answer("GET", f"/v1/jobs/{self.name}")).json()
 
     @_Method
     def result(self, timeout: float = 3600.0) -> Flow[bytes]:
@@ -379,7 +379,7 @@ class JobMethods:
             ServiceError: The job failed, or is not done in time.
         """
         end = time.monotonic() + timeout
-        while (yield from self._state())["state"] in UNDONE and time.monotonic() < end:
+        while (yield from JobMethods.state(self))["state"] in UNDONE and time.monotonic() < end:
             yield 0.5
         return (yield from self._client._answer("GET", f"/v1/jobs/{self.name}/result")).content
 
@@ -387,9 +387,6 @@ class JobMethods:
     def delete(self) -> Flow[None]:
         """Ends it and removes its files."""
         yield from self._client._answer("DELETE", f"/v1/jobs/{self.name}")
-
-    def _state(self) -> Flow[dict[str, Any]]:
-        return (yield from self._client._answer("GET", f"/v1/jobs/{self.name}")).json()
 
 
 class Job(_Blocking, JobMethods):

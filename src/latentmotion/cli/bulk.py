@@ -86,21 +86,10 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
         if self.prompts is None:
             raise InputError("no prompts given; name a file: latentmotion bulk prompts.txt")
         share = options.share_of(self.shard)
-        generation = BulkGeneration(
-            load_generator,
-            self.model,
-            (self.runtime, self.threads, self.text_encoder, self.execution),
-            self.seconds,
-            self.steps,
-            self.guidance,
-            self.sampler,
-            self.clean,
-            self.exact_count,
-            self.exact_turn,
-            self.format,
-            self.preset,
-            self.fps,
-        )
+        opening = (self.runtime, self.threads, self.text_encoder, self.execution)
+        shared = {f.name for f in fields(BulkGeneration)} & {f.name for f in fields(self)}
+        settings = {name: getattr(self, name) for name in shared}
+        generation = BulkGeneration(load_generator, options=opening, **settings)
         work = work_of(generation, self.prompts, self.seed, self.rows)
         if self.check:
             folder = folder_at(self.output)

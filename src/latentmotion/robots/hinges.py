@@ -339,7 +339,7 @@ class _Body:
             # What a turn about an axis a does to p is a × (p − anchor).
             arm = (shares @ now.reshape(len(marks), -1)).reshape(len(shares), 3, -1)
             arm -= points * anchor[hinges]
-            slope = _cross(axis[hinges], arm)
+            slope = np.cross(axis[hinges], arm, axis=1)
             columns = np.zeros((len(q), q.shape[1], 3 * len(compared) + 2))
             columns.T[3 * ahead[:, None] + np.arange(3), hinges[plain, None]] = slope[plain]
             columns.T[2 * len(compared) + rows[~plain], hinges[~plain]] = (slope[~plain] * up).sum(
@@ -386,12 +386,6 @@ _body = lru_cache(8)(_Body)
 def _turned(rotations: np.ndarray, vectors: np.ndarray) -> Float[np.ndarray, "links 3 frames"]:
     """Returns a vector of each link in the frame of the rotations (links, 3, 3, frames)."""
     return (rotations * vectors[:, None, :, None]).sum(axis=2)
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> Float[np.ndarray, "pairs 3 frames"]:
-    """Returns the cross products along the middle axis."""
-    (x, y, z), (u, v, w) = np.moveaxis(a, 1, 0), np.moveaxis(b, 1, 0)
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
 
 
 def _frame(left: np.ndarray, up: np.ndarray) -> Float[np.ndarray, "frames 3 3"]:

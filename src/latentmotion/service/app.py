@@ -123,7 +123,12 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
     for routes in (_health, _motions, uploads.routes, streams.routes):
         app.include_router(routes(service))
     app.include_router(job_routes(service, jobs))
-    app.include_router(_pages())
+    # `/` (a prompt and the viewer) and `/docs`, without anything inline.
+    frame, style = viewer.split_page("/assets/viewer.css", "/assets/show.js")
+    files = asset_files("latentmotion.service")
+    files |= {"viewer.css": style.encode(), "viewer.js": viewer.script().encode()}
+    pages = {"/": files.pop("page.html"), "/docs": files.pop("docs.html")}
+    app.include_router(page_routes({**pages, "/viewer": frame.encode()}, files, "/assets", POLICY))
     open_paths, uploaded = OPEN, UPLOADS
     if extension is not None:
         app.include_router(extension.routes(service))
@@ -258,15 +263,6 @@ def page_routes(
         return Response(files[name], headers=headers, media_type=ASSETS[Path(name).suffix])
 
     return router
-
-
-def _pages() -> APIRouter:
-    """Returns `/` (a prompt and the viewer) and `/docs`, without anything inline."""
-    frame, style = viewer.split_page("/assets/viewer.css", "/assets/show.js")
-    files = asset_files("latentmotion.service")
-    files |= {"viewer.css": style.encode(), "viewer.js": viewer.script().encode()}
-    pages = {"/": files.pop("page.html"), "/docs": files.pop("docs.html")}
-    return page_routes({**pages, "/viewer": frame.encode()}, files, "/assets", POLICY)
 
 
 def asset_files(package: str) -> dict[str, bytes]:

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from latentmotion.errors import DataError, InputError, MissingExtraError
 from latentmotion.storage.configuration import from_json, to_json
@@ -219,8 +219,6 @@ class Record(FileRecord):
 class ShardedRun:
     """Inputs that determine the bytes of all shards."""
 
-    KIND: ClassVar[str] = "Run"
-    """Its name in files."""
     settings: Mapping[str, Any]
     """Plain values."""
     items: int
@@ -238,8 +236,6 @@ class ShardedRun:
 class ShardManifest:
     """A finished run."""
 
-    KIND: ClassVar[str] = "Manifest"
-    """Its name in files."""
     run: ShardedRun
     """Inputs that determine its bytes."""
     shards: tuple[Record, ...]

@@ -21,7 +21,7 @@ from latentmotion.service.schemas import (
     SceneRequest,
     SpanOfTimeline,
 )
-from latentmotion.studio.library import ID, MOST_TITLE
+from latentmotion.studio.library import ID, MOST_TITLE, Edits
 
 PROJECT_NAME = r"[^\W_]([\w\- ]{0,78}[\w\-])?"
 FILE_NAME = r"[^\x00-\x1f\x7f/\\]{1,200}"
@@ -229,15 +229,6 @@ class Project(RequestModel):
     """What the page keeps for itself."""
 
 
-class EditsAnswer(AnswerModel):
-    """Settings that are applied when a motion is read."""
-
-    trim: tuple[float, float] | None
-    speed: float
-    in_place: bool
-    mirrored: bool
-
-
 class ReadingAnswer(AnswerModel):
     """What a model does not know of a prompt; said before a take is made, and once when it is."""
 
@@ -270,7 +261,8 @@ class TakeAnswer(ReadingAnswer):
     """The file of its motion is gone."""
     damaged: bool
     """Its row in the database cannot be read; it can be deleted."""
-    edits: EditsAnswer
+    edits: Edits
+    """How the stored motion is shown and written."""
     goals: list[dict[str, Any]] | None
     """Each goal, and how far the motion was from it before and after clean-up, centimeters."""
 

@@ -264,12 +264,6 @@ class Written:
     character: str | None = None
     """Name of the character; by default the mannequin of the format."""
 
-    def check(self) -> None:
-        """Raises InputError if characters cannot be written in the format."""
-        if self.character is not None and self.format not in CHARACTER_FORMATS:
-            formats = " or ".join(CHARACTER_FORMATS)
-            raise InputError(f"format {self.format}: characters are written as {formats}")
-
 
 async def content_of(
     service: Service, library: Library, take: StoredTake, form: Written
@@ -280,7 +274,9 @@ async def content_of(
         LatentMotionError: The motion or the character cannot be used, or not written so.
         Problem: Too much waits, or it took too long.
     """
-    form.check()
+    if form.character is not None and form.format not in CHARACTER_FORMATS:
+        formats = " or ".join(CHARACTER_FORMATS)
+        raise InputError(f"format {form.format}: characters are written as {formats}")
     motion = await run_in_threadpool(library.motion, take)
     if form.character is None:
         raw = [RawMotion(motion)]
