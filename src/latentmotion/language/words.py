@@ -30,6 +30,9 @@ ENDINGS = ("s", "es", "ed", "d", "ing", "ly", "er", "ers", "e", "y", "ies")
 ANGLES = (45, 90, 180, 270, 360, 540, 720)
 """Numbers that are degrees without the word: "do a 180"."""
 
+# Words and marks between two clauses, and the first of the second: ", and then quickly waves".
+_MOST_LEADS = 7
+
 STOPS = frozenset(".,;:!?")
 """Punctuation."""
 
@@ -107,19 +110,22 @@ def clauses_of(sentence: str, is_known: Callable[[str], bool]) -> list[str]:
     clauses: list[str] = []
     for part in parts_of(sentence):
         tokens, first = tokens_of(part), 0
-        for at, token in enumerate(tokens):
+        joined = any(token.text in (",", "and", "followed") for token in tokens)
+        before = frozenset[str]()  # forms of verbs of the clause so far
+        for at, token in enumerate(tokens if joined else ()):
             followed = token.text == "followed" and at + 1 < len(tokens)
-            if at <= first or not (followed or token.text in (",", "and")):
-                continue
-            verb = next((n for n in range(at + 1, len(tokens)) if not _leads(tokens[n])), at)
-            before = [_verb_forms(other.text, is_known) for other in tokens[first:at]]
-            more = verb + 1 < len(tokens) and tokens[verb + 1].text not in STOPS
-            same = _verb_forms(tokens[verb].text, is_known, more) & frozenset().union(*before)
-            if "and" not in {other.text for other in tokens[at:verb]}:
-                same -= {"participle"}  # "stands waiting, leaning on one leg"
-            if verb > at and (followed or same):
-                clauses.append(part[tokens[first].start : tokens[at - 1].end])
-                first = verb
+            if at > first and (followed or token.text in (",", "and")):
+                ahead = range(at + 1, min(at + _MOST_LEADS, len(tokens)))
+                verb = next((n for n in ahead if not _leads(tokens[n])), at)
+                more = verb + 1 < len(tokens) and tokens[verb + 1].text not in STOPS
+                same = _verb_forms(tokens[verb].text, is_known, more) & before
+                if "and" not in {other.text for other in tokens[at:verb]}:
+                    same -= {"participle"}  # "stands waiting, leaning on one leg"
+                if verb > at and (followed or same):
+                    clauses.append(part[tokens[first].start : tokens[at - 1].end])
+                    first, before = verb, frozenset()
+            if at >= first:
+                before |= _verb_forms(token.text, is_known)
         clauses.append(part[tokens[first].start :] if tokens else part)
     return clauses
 

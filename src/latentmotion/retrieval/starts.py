@@ -89,6 +89,9 @@ ALIKE = 0.03
 MOST_CHOICES = 4
 """Clips among which takes take turns."""
 
+MOST_MOVEMENTS = 8
+"""Movements of a sentence that start from clips of their own; more have no time."""
+
 LONGEST_STRETCH = 1.4
 """Factor by which a clip may be slowed down or sped up; beyond it is repeated or cut."""
 
@@ -253,7 +256,7 @@ class ClipStarts:
         """
         clauses = clauses_of(sentence, self._is_word)
         done = [clause for clause in clauses if listed("barely").isdisjoint(words_of(clause))]
-        if not done or len(clauses) == 1:
+        if not done or len(clauses) == 1 or len(done) > MOST_MOVEMENTS:
             return [self._choice(sentence)]
         if len(done) == 1:  # "nearly falls, catches himself"
             return [self._choice(done[0])]
