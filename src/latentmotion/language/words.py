@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from itertools import dropwhile
 
 from latentmotion.language.claims import LEFT, RIGHT, data
@@ -190,7 +190,8 @@ def plainer_than(sentence: str, sides: bool) -> list[str]:
     return [text for text in dict.fromkeys(texts) if text and text != sentence]
 
 
-def tokens_of(sentence: str) -> list[Token]:
+@lru_cache(maxsize=256)  # a prompt is read for its claims, doubts, counts, length and floor
+def tokens_of(sentence: str) -> tuple[Token, ...]:
     """Returns the tokens of a sentence; words that are one number are one token."""
     tokens: list[Token] = []
     for match in _TOKEN.finditer(sentence):
@@ -213,7 +214,7 @@ def tokens_of(sentence: str) -> list[Token]:
         text = " ".join(token.text for token in tokens[at : at + max(used, 1)])
         joined.append(Token(text, tokens[at].start, last.end, value))
         at += max(used, 1)
-    return joined
+    return tuple(joined)
 
 
 def _number(words: Sequence[str]) -> tuple[float, int]:
