@@ -92,6 +92,14 @@ def test_a_clip_is_slowed_down_for_who_is_slow(fast):
     assert same[0] == same[1] and len(slow) > 1.2 * len(usual)
 
 
+@pytest.mark.parametrize(("side", "mirrored"), [("left", True), ("right", False)])
+def test_the_other_side_of_a_drawn_movement_is_its_mirror_image(fast, side, mirrored):
+    """The nearest caption is of the right leg, whichever side the sentence names."""
+    [choice] = fast.clip_starts.choices(fast.read(f"kick with the {side} leg"))
+    assert choice.neighbors[0].caption.text == "front kick with the right leg"
+    assert choice.neighbors[0].mirrored is mirrored
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_drawn_movement_is_on_the_side_that_is_named(fast, side):
     """Its nearest sentence names no side, another one does."""

@@ -433,12 +433,14 @@ class ClipStarts:
     def _on_side(self, neighbor: Neighbor, sentence: str) -> Neighbor:
         """Returns a clip that was shown or drawn on the side that a sentence names.
 
-        The nearest caption may name no side; another of the same clip says which one it shows.
+        The nearest caption may name the other side, or none; another of the same clip says then
+        which one it shows.
         """
         named, caption = named_sides(sentence), neighbor.caption
-        if len(named) != 1 or caption.support > SHOWN or named_sides(caption.text):
+        if len(named) != 1 or caption.support > SHOWN:
             return neighbor
         texts = [other.text for other in self.index.captions if other.clip == caption.clip]
+        texts = [caption.text] if named_sides(caption.text) else texts
         shown = set().union(*(sides for sides in map(named_sides, texts) if len(sides) == 1))
         return replace(neighbor, mirrored=named != shown) if len(shown) == 1 else neighbor
 
