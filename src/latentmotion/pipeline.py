@@ -685,8 +685,8 @@ class MotionPipeline(PickledByFields):
                 min(seconds, LONGEST_SAMPLED) for seconds in self.usual_seconds([sentence]) or ()
             ]
             frames = requests.frames_of(self.card, None, 1, self.representation.fps, usual or None)
-            one = GenerationRequest((sentence,), tuple(frames), request.seeds, request.sampling)
-            return self.generate(one)[0]
+            alone = GenerationRequest((sentence,), tuple(frames), request.seeds, request.sampling)
+            return self.generate(alone)[0]
 
         space = self.representation
         return ClipStarts(

@@ -123,8 +123,8 @@ class Scorer:
         """The motion features that it reads."""
         features = representation_named(self.card.representation)
         # Rotations follow from positions, so towers leave them out; they are a third of the time.
-        known = isinstance(features, HumanML3DRepresentation)
-        return replace(features, rotated=False) if known else features
+        rotates = isinstance(features, HumanML3DRepresentation)
+        return replace(features, rotated=False) if rotates else features
 
     def texts(self, sentences: Sequence[str]) -> Float[np.ndarray, "sentences width"]:
         """Returns the vectors of sentences.

@@ -240,8 +240,8 @@ class ClipStarts:
         # but for a clip that was shown for it, or drawn for the same.
         exactly = asked_exactly(sentence, any_length=True)
         same = exactly == asked_exactly(choice.neighbors[0].caption.text, any_length=True)
-        given = choice.support == SHOWN or (choice.is_given and same)
-        exact = exactly != NO_CORRECTIONS and not given
+        is_given = choice.support == SHOWN or (choice.is_given and same)
+        exact = exactly != NO_CORRECTIONS and not is_given
         rare = choice.support <= (USUAL if reading.caption else RARE) and not exact
         if rare and choice.is_near:
             return choice
@@ -269,10 +269,10 @@ class ClipStarts:
             return [Choice((said,), DRAWN, sentence)]
         while len(spans) > 2:
             pairs = [self._together(sentence, *pair) for pair in pairwise(spans)]
-            told = [n for n, pair in enumerate(pairs) if self._tells(pair, spans[n : n + 2])]
-            if not told:
+            joinable = [n for n, pair in enumerate(pairs) if self._tells(pair, spans[n : n + 2])]
+            if not joinable:
                 break
-            n = max(told, key=lambda n: pairs[n][1].cosine)
+            n = max(joinable, key=lambda n: pairs[n][1].cosine)
             spans[n : n + 2] = [pairs[n]]
         return [choice for _, choice in spans]
 
@@ -290,14 +290,14 @@ class ClipStarts:
         if caption.support == DRAWN and choice.is_near and _names(caption.text, clauses):
             return True
         number = next(n for n, other in enumerate(self.index.captions) if other is caption)
-        told = [
+        cosines = [
             max(self.index.neighbor(number, self._sides(text)).cosine for text in lookups(clause))
             for clause in clauses
         ]
-        if max(told) >= choice.cosine:
+        if max(cosines) >= choice.cosine:
             return False
         near = choice.cosine >= min(part.cosine for _, part in parts) - EQUAL
-        near = near and min(told) >= LEAST_TOLD and sum(told) >= MEAN_TOLD * len(told)
+        near = near and min(cosines) >= LEAST_TOLD and sum(cosines) >= MEAN_TOLD * len(cosines)
         return near or choice.cosine >= ALIKE_WORDS
 
     def _is_word(self, word: str) -> bool:
@@ -542,18 +542,18 @@ class ClipStarts:
         rarest = min(near, key=lambda choice: choice.support)
         support = rarest.support
         left, keep = next(((s, k) for most, s, k in SHARES if support <= most), SHARES[-1][1:])
-        joined, kept = latents[0], np.full(len(latents[0]), keep)
+        joined, keeps = latents[0], np.full(len(latents[0]), keep)
         for part, seam in zip(latents[1:], seams, strict=True):
             joined = bridged(joined, part, seam)
-            kept = np.concatenate([kept, np.zeros(seam), np.full(len(part), keep)])
+            keeps = np.concatenate([keeps, np.zeros(seam), np.full(len(part), keep)])
         if len(choices) > 1:  # each movement is as it is wanted but for the seams between
             left, keep = SHARES[0][1:]
-            kept = np.where(kept > 0, keep, 0.0)
-        joined, kept = joined[:every], kept[:every]
+            keeps = np.where(keeps > 0, keep, 0.0)
+        joined, keeps = joined[:every], keeps[:every]
         usual = USUAL / (USUAL + max(support, 0))
         unrelated = UNRELATED_OF_DRAWN if support == DRAWN else UNRELATED
         likely = max(rarest.cosine - unrelated, 0.0) / (1 - unrelated)
-        return ClipStart(Start(joined, left, kept), frames, about, len(choices), likely * usual)
+        return ClipStart(Start(joined, left, keeps), frames, about, len(choices), likely * usual)
 
     def _latents(self, neighbor: Neighbor) -> Float[np.ndarray, "tokens width"]:
         """Returns the latents of a neighbor's clip, or of its mirror image."""
