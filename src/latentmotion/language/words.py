@@ -132,8 +132,7 @@ def clauses_of(sentence: str, is_known: Callable[[str], bool]) -> list[str]:
 
 def _leads(token: Token) -> bool:
     """Whether a word or mark stands before the verb of a clause that is joined to another."""
-    subjects = ("and", "by", "then", "finally", "he", "she", "they", "it")
-    return token.text in subjects or token.text in STOPS or token.text.endswith("ly")
+    return token.text in listed("leads") | set(STOPS) or token.text.endswith("ly")
 
 
 def _verb_forms(word: str, is_known: Callable[[str], bool], more: bool = False) -> frozenset[str]:
