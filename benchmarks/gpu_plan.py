@@ -32,27 +32,22 @@ import torch
 
 from latentmotion.storage.files import atomic_file
 
+# Bytes of the archive of results, which is what comes back from a borrowed machine.
 MOST_BYTES = 60 << 20
-"""Bytes of the archive of results, which is what comes back from a borrowed machine."""
 
-GRACE = 20.0
-"""Seconds between the request to stop and the end of a command."""
+GRACE = 20.0  # Seconds between the request to stop and the end of a command.
 
 
 @dataclass(frozen=True)
 class Step:
     """A command and its share of the time."""
 
-    name: str
-    """What its results are called."""
-    words: tuple[str, ...]
-    """The module to run and its arguments."""
-    share: float
-    """Share of all minutes."""
+    name: str  # What its results are called.
+    words: tuple[str, ...]  # The module to run and its arguments.
+    share: float  # Share of all minutes.
+    # Prefix of the training settings, where the number of steps follows from the pace.
     training: str = ""
-    """Prefix of the training settings, where the number of steps follows from the pace."""
-    trial: int = 40
-    """Steps from which the pace is measured, the fewest of the training."""
+    trial: int = 40  # Steps from which the pace is measured, the fewest of the training.
 
 
 def plan(folder: Path, data: Path, device: str, quick: bool) -> list[Step]:

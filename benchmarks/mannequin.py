@@ -26,9 +26,9 @@ from jaxtyping import Float, Int
 from latentmotion.kinematics.skeleton import HUMANML3D
 
 ASSET = Path(__file__).parents[1] / "src/latentmotion/render/mannequin.json"
-STEP = 1e-4
-"""Meters of a step of the stored positions."""
+STEP = 1e-4  # Meters of a step of the stored positions.
 
+# Joints of the body, meters.
 REST = {
     **{"pelvis": (0, 0, 0), "left_hip": (0.077, -0.072, 0), "left_knee": (0.125, -0.461, 0)},
     **{"left_ankle": (0.147, -0.890, 0), "left_foot": (0.147, -0.953, 0.132)},
@@ -37,27 +37,23 @@ REST = {
     **{"left_shoulder": (0.266, 0.327, 0), "left_elbow": (0.526, 0.327, 0)},
     "left_wrist": (0.793, 0.327, 0),
 }
-"""Joints of the body, meters."""
 
 SPINE = ("pelvis", "spine1", "spine2", "spine3")
 NECK = ("spine3", "neck", "head")
 
+# Place along the axis; radius along u, along v in front and behind; shift along u and along v.
 Station = tuple[float, ...]
-"""Place along the axis; radius along u, along v in front and behind; shift along u and along v."""
 
 
 @dataclass(frozen=True)
 class Part:
     """A closed or open surface that moves with a joint, or between the joints of a chain."""
 
-    joints: tuple[str, ...]
-    """One joint, or a chain from below."""
-    anchor: tuple[str, str]
-    """Ends of the bone along which it is stretched on other bodies."""
+    joints: tuple[str, ...]  # One joint, or a chain from below.
+    anchor: tuple[str, str]  # Ends of the bone along which it is stretched on other bodies.
     vertices: Float[np.ndarray, "vertices 3"]
     triangles: Int[np.ndarray, "triangles 3"]
-    accent: bool = False
-    """Whether it has the color of its take."""
+    accent: bool = False  # Whether it has the color of its take.
 
     def mirrored(self) -> Part:
         """Returns the part of the right side."""

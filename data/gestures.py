@@ -36,37 +36,34 @@ from latentmotion.retrieval.teach import ShownClip, build_index
 
 HERE = Path(__file__).parent
 
+# Recordings on which movements are drawn.
 RECORDINGS = {
     "stand": "snu-wd2_idle_65-00000",
     "walk": "cmu-69_01-00000",
     "stroll": "snu-wd2_WalkForwardSlow01-00000",
 }
-"""Recordings on which movements are drawn."""
 
+# Sides of the body, and the sign of outward along the axis to the right.
 SIDES = {"right": 1.0, "left": -1.0}
-"""Sides of the body, and the sign of outward along the axis to the right."""
 
-EASE = 0.3
-"""Seconds in which an oscillation begins and ends."""
+EASE = 0.3  # Seconds in which an oscillation begins and ends.
 
+# Meters by which a shoulder rises with a hand from hanging to 0.4 m above the shoulder.
 SHOULDER_RISE = 0.1
-"""Meters by which a shoulder rises with a hand from hanging to 0.4 m above the shoulder."""
 
+# Height in meters of an ankle over its place on the floor from which its foot follows the shank.
 LIFTED = 0.2
-"""Height in meters of an ankle over its place on the floor from which its foot follows the
-shank."""
 
+# Where an elbow and a knee point to unless a movement says otherwise: outward, up, forward.
 ELBOW, KNEE = (0.5, -0.8, -0.2), (0.12, 0.0, 1.0)
-"""Where an elbow and a knee point to unless a movement says otherwise: outward, up, forward."""
 
+# Meters from its shoulder up to which a hand goes round it, in front, rather than through it.
 ROUND = 0.2
-"""Meters from its shoulder up to which a hand goes round it, in front, rather than through it."""
 
-STEPS = 60
-"""Steps of the descent to the latents of a movement."""
+STEPS = 60  # Steps of the descent to the latents of a movement.
 
+# Least distance of hip and ankle, shoulder and wrist, as a share of the limb's length.
 SHARPEST = 0.3
-"""Least distance of hip and ankle, shoulder and wrist, as a share of the limb's length."""
 
 Points = Float[np.ndarray, "frames 3"]
 
@@ -75,14 +72,11 @@ Points = Float[np.ndarray, "frames 3"]
 class Body:
     """A body over time whose joints are moved."""
 
+    # Joints, meters; in the first frame the pelvis is above the origin and faces along z.
     joints: Float[np.ndarray, "frames joints 3"]
-    """Joints, meters; in the first frame the pelvis is above the origin and faces along z."""
-    at: dict[str, int]
-    """Numbers of the joints by name."""
-    heading: Float[np.ndarray, "frames 3 3"]
-    """Right, up and forward of the recording."""
-    axes: Float[np.ndarray, "frames 3 3"]
-    """The same of the pelvis as it is turned."""
+    at: dict[str, int]  # Numbers of the joints by name.
+    heading: Float[np.ndarray, "frames 3 3"]  # Right, up and forward of the recording.
+    axes: Float[np.ndarray, "frames 3 3"]  # The same of the pelvis as it is turned.
 
     def limb(self, side: str, parts: str) -> list[int]:
         """Returns the numbers of joints of one side."""
@@ -355,12 +349,10 @@ def _unit(vectors: Points) -> Points:
 class NearestLatents:
     """Finds latents by descent through the decoder, from where the encoder puts them."""
 
-    encoder: FeatureEncoder
-    """Where the descent begins."""
-    vae: MotionVAE
-    """Decodes."""
+    encoder: FeatureEncoder  # Where the descent begins.
+    vae: MotionVAE  # Decodes.
+    # Of squared errors of normalized features: places and speeds of joints count in meters.
     weight: Float[Tensor, " features"]
-    """Of squared errors of normalized features: places and speeds of joints count in meters."""
 
     @classmethod
     def of(cls, model: Path, encoder: FeatureEncoder) -> NearestLatents:
@@ -397,14 +389,10 @@ class NearestLatents:
 class Gestures:
     """Write an index of the movements."""
 
-    out: tyro.conf.Positional[Path]
-    """Folder of moves."""
-    table: Path = HERE / "gestures.toml"
-    """The movements."""
-    data: Path = HERE / "starter.pack"
-    """Prepared data with the recordings."""
-    model: str = "starter"
-    """Name or folder of the model whose encoders are used."""
+    out: tyro.conf.Positional[Path]  # Folder of moves.
+    table: Path = HERE / "gestures.toml"  # The movements.
+    data: Path = HERE / "starter.pack"  # Prepared data with the recordings.
+    model: str = "starter"  # Name or folder of the model whose encoders are used.
 
     def run(self) -> None:
         """Writes it."""

@@ -15,8 +15,7 @@ from latentmotion.evaluation.candidates import Generated
 from latentmotion.evaluation.evaluate import compare
 from latentmotion.evaluation.protocol import CLEAN
 
-SETTINGS = ((10, 4.0), (50, 4.0), (50, 7.5))
-"""Sampling steps and guidance."""
+SETTINGS = ((10, 4.0), (50, 4.0), (50, 7.5))  # Sampling steps and guidance.
 
 
 def main(model: str, folder: str, split: str = "test") -> None:

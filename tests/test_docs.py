@@ -30,8 +30,7 @@ ROOT = next(folder for folder in Path(__file__).parents if (folder / "pyproject.
 PAGES = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").rglob("*.md"))]
 FENCE = re.compile(r"^( *)```(\S*)([^\n`]*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 REPOSITORY = "https://github.com/latentmotion/latentmotion/blob/main/"
-REASONS = ("needs ", "takes ")
-"""How a title begins that says why a block is not run."""
+REASONS = ("needs ", "takes ")  # How a title begins that says why a block is not run.
 LANGUAGES = {"bash", "python", "js", "json", "toml"}
 
 
@@ -40,8 +39,7 @@ class Block:
     """One fenced block of code."""
 
     language: str
-    title: str
-    """Empty, or why the block is not run."""
+    title: str  # Empty, or why the block is not run.
     code: str
 
     @property

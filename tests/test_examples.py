@@ -27,8 +27,7 @@ from tests.test_plugins import install
 
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 LINES = 40
-OF_RESEARCH = 61
-"""Lines of an example that adds several parts."""
+OF_RESEARCH = 61  # Lines of an example that adds several parts.
 
 
 def run(name: str, *words: object) -> None:

@@ -11,19 +11,19 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "latentmotion"
 
+# Words that mean nothing else in any room.
 ANYWHERE = (
     r"Leaps?|LeapTimes|LeapBatch|LeapSource|LeapEmbedding|NoLeap|leap_loss|StepByStep|"
     r"SentenceReading|Ways|AlongWays|WAYS_FILE|Lessons|Steering|steering_of|PromptTable|"
     r"FeatureMemory|LatentMemory|FrameMemory|remembered_\w+|WAY_BACK|way_back|cheaper\w*|"
     r"GuidanceAsInput|training_place|sees_padding|SeePadding|SeparatePlaces|joints_knee|walk_file"
 )
-"""Words that mean nothing else in any room."""
 
+# Words that other rooms need for legs, animals and gaits.
 IN_ROOMS = (
     r"leaps?|ways|walk|knee|divergence|slope|prediction|Prediction|answer|Answer|steering|"
     r"lessons|Guide|Place|leads|places"
 )
-"""Words that other rooms need for legs, animals and gaits."""
 
 ROOMS = ("diffusion", "condition", "model", "networks", "training")
 

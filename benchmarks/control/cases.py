@@ -27,6 +27,7 @@ POSES = Path(__file__).with_name("poses.json")
 
 _GAITS = (("a person walks forward", 1.1), ("a person walks slowly", 0.8), ("a person jogs", 2.2))
 _STANDING = ("a person stands still", "a person stretches the arms", "a person dances in place")
+# Places beside the middle of the body that a joint reaches: x, y and z, from and to.
 _REACH = {
     "left_wrist": ((0.15, 0.5), (0.85, 1.6), (0.1, 0.45)),
     "right_wrist": ((-0.5, -0.15), (0.85, 1.6), (0.1, 0.45)),
@@ -34,7 +35,6 @@ _REACH = {
     "left_foot": ((0.05, 0.2), (0.03, 0.25), (-0.1, 0.3)),
     "right_foot": ((-0.2, -0.05), (0.03, 0.25), (-0.1, 0.3)),
 }
-"""Places beside the middle of the body that a joint reaches: x, y and z, from and to."""
 
 Case = dict[str, Any]
 

@@ -20,6 +20,7 @@ from benchmarks.directing.sequences import loop_rows, stream_rows, timeline_rows
 from latentmotion import Dataset, MotionPipeline
 from latentmotion.ranking.scorer import shipped_scorer
 
+# Title and function of each experiment, by name.
 EXPERIMENTS = {
     "goals": ("goals of joints and paths", goal_rows),
     "keep": ("frames that are kept", keep_rows),
@@ -30,7 +31,6 @@ EXPERIMENTS = {
     "length": ("seconds predicted from the sentence", length_rows),
     "search": ("clips found by a sentence", search_rows),
 }
-"""Title and function of each experiment, by name."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

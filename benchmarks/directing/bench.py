@@ -24,52 +24,42 @@ from latentmotion.reproduce.markdown import cell
 from latentmotion.storage.configuration import write_json
 from latentmotion.storage.files import atomic_file
 
+# Values of a row by column, one per motion: numbers; embeddings (width) for FID; and for ratios,
+# `FID / …`, both rows' (2, width) or (2). `CLIP` says of which clip each motion is.
 Values = Mapping[str, np.ndarray]
-"""Values of a row by column, one per motion: numbers; embeddings (width) for FID; and for ratios,
-`FID / …`, both rows' (2, width) or (2). `CLIP` says of which clip each motion is."""
 
+# Key of the clips of a row's motions, where several are of one: the bootstrap draws clips.
 CLIP = "clip"
-"""Key of the clips of a row's motions, where several are of one: the bootstrap draws clips."""
 
 T = TypeVar("T")
 
-Rows = Mapping[str, Values]
-"""Measured figures, by row."""
+Rows = Mapping[str, Values]  # Measured figures, by row.
 
+# Columns that rows of most experiments have; they come last.
 USUAL = ("FID", "R@3", "Sliding, cm/s", "Jitter, m/s³")
-"""Columns that rows of most experiments have; they come last."""
 
-DRAWS, FID_DRAWS = 1000, 40
-"""Bootstrap samples of a figure, and of FID."""
+DRAWS, FID_DRAWS = 1000, 40  # Bootstrap samples of a figure, and of FID.
 
-OTHERS = 31
-"""Sentences beside the right one among which R@3 ranks."""
+OTHERS = 31  # Sentences beside the right one among which R@3 ranks.
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
     """A part of a test clip with a sentence about it."""
 
-    motion: Motion
-    """From the origin, facing +z."""
-    text: str
-    """The sentence."""
+    motion: Motion  # From the origin, facing +z.
+    text: str  # The sentence.
 
 
 @dataclass(frozen=True)
 class Bench:
     """A model, a data set and the towers that judge motions."""
 
-    generate: MotionPipeline
-    """The model."""
-    data: Dataset
-    """Its test split has the sentences and the real motions."""
-    towers: Scorer
-    """Embeds motions and sentences; nothing here is selected by it."""
-    count: int = 40
-    """Clips of a row; fewer where motions are long."""
-    seeds: int = 3
-    """Motions of each clip, of another seed each."""
+    generate: MotionPipeline  # The model.
+    data: Dataset  # Its test split has the sentences and the real motions.
+    towers: Scorer  # Embeds motions and sentences; nothing here is selected by it.
+    count: int = 40  # Clips of a row; fewer where motions are long.
+    seeds: int = 3  # Motions of each clip, of another seed each.
 
     def repeated(self, clips: Sequence[T]) -> tuple[list[T], Int[np.ndarray, " motions"]]:
         """Returns each clip once for each seed, and which one it is."""

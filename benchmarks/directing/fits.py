@@ -23,12 +23,9 @@ _SEEN = ("pelvis", "head", "left_wrist", "right_wrist")
 class Spoiled:
     """A way to spoil a recording."""
 
-    noise: float
-    """Deviation of each coordinate, meters."""
-    gap: float = 0.0
-    """Seconds in the middle without some joints."""
-    unseen: tuple[str, ...] = HUMANML3D.names
-    """These joints."""
+    noise: float  # Deviation of each coordinate, meters.
+    gap: float = 0.0  # Seconds in the middle without some joints.
+    unseen: tuple[str, ...] = HUMANML3D.names  # These joints.
 
     def seen(self, motion: Motion) -> Bool[np.ndarray, "frames joints"]:
         """Returns which joints of a motion are seen."""

@@ -18,16 +18,16 @@ from latentmotion.motion import Motion
 from latentmotion.pipeline import cleaned_up
 from latentmotion.representation.canonical import heading
 
+# Joints that have a goal each; none: the pelvis all along.
 SETS = {
     "pelvis, 5 goals": ("pelvis",) * 5,
     "wrist, 2 goals": ("right_wrist",) * 2,
     "wrist, pelvis twice, foot, head": ("right_wrist", "pelvis", "pelvis", "left_foot", "head"),
     "pelvis, each quarter of a second": ("pelvis",) * 0,
 }
-"""Joints that have a goal each; none: the pelvis all along."""
 
+# Of the evaluation, in which a joint counts the less the higher it is; nothing above 2.5 cm.
 _BY_HEIGHT = "Sliding by height, cm/s"
-"""Of the evaluation, in which a joint counts the less the higher it is; nothing above 2.5 cm."""
 
 _RATIOS = ("FID", "Sliding, cm/s", _BY_HEIGHT)
 

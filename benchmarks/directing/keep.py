@@ -21,18 +21,17 @@ from latentmotion.control.exact import inertialized
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 
-_NEAR = 5
-"""Frames to either side of a seam in which its jerk is."""
+_NEAR = 5  # Frames to either side of a seam in which its jerk is.
 
+# First frame of each gap and the frame after its last, by the frames of a recording.
 GAPS: dict[str, Callable[[int], tuple[int, int]]] = {
     "gap of 1 s": lambda frames: (frames // 2 - 10, frames // 2 + 10),
     "middle half": lambda frames: (frames // 4, frames - frames // 4),
     "first and last frame kept": lambda frames: (1, frames - 1),
 }
-"""First frame of each gap and the frame after its last, by the frames of a recording."""
 
+# Fills a recording's frames from start to end: bench, recording, start, end, seed.
 Fill = Callable[[Bench, Recording, int, int, int], Motion]
-"""Fills a recording's frames from start to end: bench, recording, start, end, seed."""
 
 
 def keep_rows(bench: Bench) -> Rows:

@@ -17,11 +17,9 @@ from latentmotion.model.config import STRIDE
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
-SECONDS, CHAIN = 3.0, 3
-"""Length of a prompt of a timeline, and their number."""
+SECONDS, CHAIN = 3.0, 3  # Length of a prompt of a timeline, and their number.
 
-_HALF = 15
-"""Frames to either side of a transition, as FlowMDM counts them."""
+_HALF = 15  # Frames to either side of a transition, as FlowMDM counts them.
 
 CYCLES = (
     "a person walks forward",
@@ -40,8 +38,7 @@ STREAMED = (
     "a person dances",
     "a person walks in a circle",
 )
-TURNS = (0.8, 2.4, 3.2)
-"""Seconds of a loop's turn, in turns."""
+TURNS = (0.8, 2.4, 3.2)  # Seconds of a loop's turn, in turns.
 
 
 def timeline_rows(bench: Bench) -> Rows:

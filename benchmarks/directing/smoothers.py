@@ -19,14 +19,14 @@ from scipy.interpolate import make_smoothing_spline
 Joints = Float[np.ndarray, "frames joints 3"]
 Seen = Bool[np.ndarray, "frames joints"]
 
+# Weight of bending beside distances, frames³, the stiffest first.
 _STIFFNESSES = (1e5, 1e4, 1e3, 300.0, 100.0, 30.0, 10.0, 3.0, 1.0, 0.1)
-"""Weight of bending beside distances, frames³, the stiffest first."""
 
+# Deviations of what changes the acceleration in a second, m/s³ by √Hz, of which one is taken.
 _CHANGES = (3.0, 10.0, 30.0, 100.0, 300.0)
-"""Deviations of what changes the acceleration in a second, m/s³ by √Hz, of which one is taken."""
 
+# Deviations of place, speed and acceleration before anything is seen: m, m/s, m/s².
 _AT_FIRST = (10.0, 3.0, 30.0)
-"""Deviations of place, speed and acceleration before anything is seen: m, m/s, m/s²."""
 
 
 def spline(joints: Joints, seen: Seen, noise: float) -> Joints:
@@ -67,16 +67,12 @@ def kalman(joints: Joints, seen: Seen, noise: float, fps: float) -> Joints:
 class _Pass:
     """The forward pass: states of place, speed and acceleration with what was seen until then."""
 
-    step: Float[np.ndarray, "3 3"]
-    """One frame at constant acceleration."""
+    step: Float[np.ndarray, "3 3"]  # One frame at constant acceleration.
     mean: list[Float[np.ndarray, "joints 3 axes"]]
     covariance: list[Float[np.ndarray, "joints 3 3"]]
-    expected: list[Float[np.ndarray, "joints 3 axes"]]
-    """Means before each frame was seen."""
-    spread: list[Float[np.ndarray, "joints 3 3"]]
-    """Covariances before each frame was seen."""
-    likelihood: float
-    """Logarithm of the density of what was seen, up to a constant."""
+    expected: list[Float[np.ndarray, "joints 3 axes"]]  # Means before each frame was seen.
+    spread: list[Float[np.ndarray, "joints 3 3"]]  # Covariances before each frame was seen.
+    likelihood: float  # Logarithm of the density of what was seen, up to a constant.
 
     @classmethod
     def forward(cls, joints: Joints, seen: Seen, noise: float, fps: float, change: float) -> _Pass:

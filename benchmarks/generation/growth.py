@@ -25,14 +25,10 @@ from latentmotion.pipeline import MotionPipeline
 class Axis:
     """What grows."""
 
-    name: str
-    """As the table calls it."""
-    unit: str
-    """One of it."""
-    values: Sequence[float]
-    """What is timed."""
-    make: Callable[[float], Generation]
-    """Returns the contender for a value."""
+    name: str  # As the table calls it.
+    unit: str  # One of it.
+    values: Sequence[float]  # What is timed.
+    make: Callable[[float], Generation]  # Returns the contender for a value.
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -41,12 +41,10 @@ from latentmotion.motion import Motion
 from latentmotion.studio.library import Edits, Library
 
 FORMATS = (".bvh", ".glb", ".npz", ".csv", ".html")
-TAKES = 12
-"""Takes that a process keeps before it ends."""
+TAKES = 12  # Takes that a process keeps before it ends.
 
 JOB = {"prompts": ["a person walks", "a person jumps"], "count": 20, "seconds": 2}
-PATIENCE = 120.0
-"""Seconds after which a job that is not done counts as lost."""
+PATIENCE = 120.0  # Seconds after which a job that is not done counts as lost.
 
 
 @dataclass
@@ -54,10 +52,8 @@ class Count:
     """What kills did to a kind of work."""
 
     kills: int = 0
-    results: int = 0
-    """Results that were looked at: runs, files, takes, jobs."""
-    problems: list[str] = field(default_factory=list)
-    """What was lost, half-written or different."""
+    results: int = 0  # Results that were looked at: runs, files, takes, jobs.
+    problems: list[str] = field(default_factory=list)  # What was lost, half-written or different.
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

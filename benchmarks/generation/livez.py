@@ -36,15 +36,14 @@ from latentmotion.storage.children import allow_open_files
 HALF = b"GET /livez HTTP/1.1\r\nHost: localhost"
 WHOLE = HALF + b"\r\n\r\n"
 
+# As many motions as a job may have, with texts near the largest size.
 WORST = {
     "prompts": [("a person walks forward and waves " * 16)[:490]] * 256,
     "seconds": 9.8,
     "format": "glb",
 }
-"""As many motions as a job may have, with texts near the largest size."""
 
-PAUSE = 0.02
-"""Seconds between two health checks."""
+PAUSE = 0.02  # Seconds between two health checks.
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

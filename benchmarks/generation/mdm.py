@@ -43,18 +43,12 @@ class Network(nn.Module):
 class MDMGeneration:
     """Motions of one length from noise and words."""
 
-    text: TextTower
-    """Words to sentences."""
-    network: Network
-    """What is asked at each step."""
-    batch: int
-    """Motions that go through the network together."""
-    frames: int
-    """Their length."""
-    steps: int
-    """Sampling steps."""
-    run: int
-    """How many of them are run; the time of the others is reckoned."""
+    text: TextTower  # Words to sentences.
+    network: Network  # What is asked at each step.
+    batch: int  # Motions that go through the network together.
+    frames: int  # Their length.
+    steps: int  # Sampling steps.
+    run: int  # How many of them are run; the time of the others is reckoned.
 
     @classmethod
     def build(cls, batch: int, frames: int, steps: int, run: int) -> MDMGeneration:

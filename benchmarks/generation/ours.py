@@ -30,10 +30,8 @@ ENGINES: dict[Runtime, str] = {
 class Model:
     """A model by the name that tables give it."""
 
-    name: str
-    """As tables call it."""
-    folder: Path
-    """Where it is."""
+    name: str  # As tables call it.
+    folder: Path  # Where it is.
 
     @classmethod
     def of(cls, argument: str) -> Model:

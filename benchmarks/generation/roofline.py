@@ -54,8 +54,8 @@ COLUMNS = (
     "ms measured",
     "times the floor",
 )
+# Names of the matrices in the small text encoder's graph.
 MATRIX = re.compile(r"layers\.\d+\.\w+\.packed")
-"""Names of the matrices in the small text encoder's graph."""
 
 
 # The only product here that PyTorch's counter of FLOPs does not know.
@@ -66,10 +66,8 @@ _ATTENTION = torch.ops.aten._scaled_dot_product_flash_attention_for_cpu
 class Traffic:
     """Bytes that are read or written."""
 
-    weights: int
-    """Bytes of parameters."""
-    activations: int
-    """Bytes of everything else."""
+    weights: int  # Bytes of parameters.
+    activations: int  # Bytes of everything else.
 
     @property
     def total(self) -> int:
@@ -128,18 +126,12 @@ def _storage(tensor: Tensor) -> int:
 class Part:
     """What a part of the chain must do for one batch."""
 
-    name: str
-    """What it is called."""
-    passes: int
-    """How many times it goes over its weights."""
-    flops: float
-    """Floating-point operations of a pass."""
-    moved: Traffic
-    """Bytes of a pass."""
-    run: Callable[[], object]
-    """One pass, where and how it is measured."""
-    ceilings: Ceilings
-    """Of what runs it."""
+    name: str  # What it is called.
+    passes: int  # How many times it goes over its weights.
+    flops: float  # Floating-point operations of a pass.
+    moved: Traffic  # Bytes of a pass.
+    run: Callable[[], object]  # One pass, where and how it is measured.
+    ceilings: Ceilings  # Of what runs it.
 
     def row(self, batch: int) -> list[str]:
         """Measures it and returns its line of the table."""

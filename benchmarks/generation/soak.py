@@ -39,27 +39,21 @@ from benchmarks.harness.load import NICE, Request, Times, load, request, saturat
 from benchmarks.harness.replicas import Replica
 from latentmotion.storage.files import atomic_file
 
-LAST = 20.0
-"""Seconds of the load in whose middle SIGTERM comes."""
+LAST = 20.0  # Seconds of the load in whose middle SIGTERM comes.
 
-WARM = 30.0
-"""Seconds for which the rate that is managed is measured."""
+WARM = 30.0  # Seconds for which the rate that is managed is measured.
 
-TOGETHER = 32
-"""Requests that are open meanwhile."""
+TOGETHER = 32  # Requests that are open meanwhile.
 
-GONE = 3.0
-"""Seconds from the kill of a replica to its next start."""
+GONE = 3.0  # Seconds from the kill of a replica to its next start.
 
+# Seconds after which an answer counts as lost: more than twice the time that a request may take,
+# since clients yield to all else and read late where cores are few.
 PATIENCE = 180.0
-"""Seconds after which an answer counts as lost: more than twice the time that a request may take,
-since clients yield to all else and read late where cores are few."""
 
-STREAMS = 3
-"""Streams that are open at the same time."""
+STREAMS = 3  # Streams that are open at the same time.
 
-NOTICE = 5
-"""Seconds between saying so at `/readyz` and stopping, as in `packaging/Containerfile`."""
+NOTICE = 5  # Seconds between saying so at `/readyz` and stopping, as in `packaging/Containerfile`.
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -84,14 +78,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 class _Sample:
     """What the replicas hold at one moment."""
 
-    at: float
-    """Seconds since the beginning."""
-    memory: list[float]
-    """MB of each server."""
-    whole: list[float]
-    """MB of each server and its workers."""
-    files: int
-    """Open files of all."""
+    at: float  # Seconds since the beginning.
+    memory: list[float]  # MB of each server.
+    whole: list[float]  # MB of each server and its workers.
+    files: int  # Open files of all.
 
 
 class _Soak:

@@ -29,12 +29,11 @@ from benchmarks.harness.contest import figure, table
 CHROMIUM = "/usr/bin/chromium"
 DRAWN = {"none": ["--disable-3d-apis"], "gpu": ["--use-angle=vulkan"]}
 SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-SCROLLED = 600
-"""Takes that are scrolled through."""
+SCROLLED = 600  # Takes that are scrolled through.
 
-PATIENCE = 60_000
-"""Milliseconds."""
+PATIENCE = 60_000  # Milliseconds.
 
+# Marks when the first picture is drawn, not only asked for: a fence behind it is passed.
 FIGURE = """
 const { prototype } = WebGL2RenderingContext;
 const { drawElements } = prototype;
@@ -52,8 +51,8 @@ prototype.drawElements = function (...of) {
   return drawElements.apply(this, of);
 };
 """
-"""Marks when the first picture is drawn, not only asked for: a fence behind it is passed."""
 
+# Whether the page can be used and its first picture is drawn.
 OPENED = """
 () => {
   const { state, model } = document.body.dataset;
@@ -62,8 +61,8 @@ OPENED = """
   return state === "ready" && model === "warm" && isDrawn;
 }
 """
-"""Whether the page can be used and its first picture is drawn."""
 
+# When a page could be used and its figure stood there, milliseconds after its address.
 STARTED = """
 () => {
   const [ready] = performance.getEntriesByName("ready");
@@ -71,8 +70,8 @@ STARTED = """
   return { "can be used": ready.duration, "figure drawn": figure?.startTime ?? ready.duration };
 }
 """
-"""When a page could be used and its figure stood there, milliseconds after its address."""
 
+# What the time from Enter to the frame with four figures is made of, milliseconds.
 PARTS = """
 () => {
   const entries = performance.getEntriesByType("resource");
@@ -87,7 +86,6 @@ PARTS = """
   };
 }
 """
-"""What the time from Enter to the frame with four figures is made of, milliseconds."""
 
 
 @dataclass(frozen=True)

@@ -14,24 +14,20 @@ from torch import Tensor
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.networks.device import arithmetic
 
-LARGEST = {"cpu": 2**28, "cuda": 2**31}
-"""Bytes of a buffer that fits no cache."""
-SIDE = {"cpu": 1024, "cuda": 8192}
-"""Rows and columns of the matrices."""
+LARGEST = {"cpu": 2**28, "cuda": 2**31}  # Bytes of a buffer that fits no cache.
+SIDE = {"cpu": 1024, "cuda": 8192}  # Rows and columns of the matrices.
+# Shape of what is convolved, by a kernel of 3.
 ROWS, CHANNELS, LENGTH = {"cpu": 8, "cuda": 256}, {"cpu": 256, "cuda": 1024}, 1024
-"""Shape of what is convolved, by a kernel of 3."""
-SECONDS = 0.3
-"""How long one measurement takes at least."""
+SECONDS = 0.3  # How long one measurement takes at least.
 
 
 @dataclass
 class Ceilings:
     """What a device does at best, in the precision that is asked for."""
 
-    execution: ExecutionOptions
-    """Where and how."""
+    execution: ExecutionOptions  # Where and how.
+    # Bytes a second by the size of the buffer, as far as measured.
     rates: dict[int, float] = field(default_factory=dict)
-    """Bytes a second by the size of the buffer, as far as measured."""
 
     def __post_init__(self) -> None:
         self.kind = self.execution.device.partition(":")[0]

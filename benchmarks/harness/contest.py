@@ -18,8 +18,7 @@ from statistics import median
 from benchmarks.harness.stopwatch import Laps, Stopwatch
 from latentmotion.networks.device import describe_machine
 
-Contender = Callable[[], Laps]
-"""Does the whole work once and says how long its parts took."""
+Contender = Callable[[], Laps]  # Does the whole work once and says how long its parts took.
 
 
 def whole(action: Callable[[], object]) -> Contender:
@@ -38,10 +37,9 @@ def whole(action: Callable[[], object]) -> Contender:
 class Turn:
     """What a contender took once."""
 
-    laps: Laps
-    """Milliseconds by part."""
+    laps: Laps  # Milliseconds by part.
+    # How many cores it had on average: less than it has threads, where others had them too.
     cores: float
-    """How many cores it had on average: less than it has threads, where others had them too."""
 
     @property
     def whole(self) -> float:
@@ -53,10 +51,10 @@ class Turn:
 class Times:
     """What the turns of all contenders took."""
 
+    # By the contender's name; one that is slow may have fewer turns.
     turns: Mapping[str, Sequence[Turn]]
-    """By the contender's name; one that is slow may have fewer turns."""
+    # Processes that wanted a core, in the minute before and in the last; this run included.
     load: tuple[float, float]
-    """Processes that wanted a core, in the minute before and in the last; this run included."""
 
     def part(self, name: str, part: str) -> float:
         """Returns the median milliseconds of one part; not a number, if it has no such part."""

@@ -15,17 +15,15 @@ from collections.abc import Iterator
 from contextlib import nullcontext, suppress
 from urllib.parse import urlsplit
 
-Request = tuple[str, bytes]
-"""A name and the bytes to send; see `request`."""
+Request = tuple[str, bytes]  # A name and the bytes to send; see `request`.
 
+# Seconds that each answer took, by name and status, or by name and how it failed.
 Times = dict[str, list[float]]
-"""Seconds that each answer took, by name and status, or by name and how it failed."""
 
-LOST = (502, 504)
-"""What a balancer answers where the server behind it was lost."""
+LOST = (502, 504)  # What a balancer answers where the server behind it was lost.
 
+# Seconds before such a request is sent again, as the client of the package waits.
 PAUSES = (0.1, 0.2, 0.4)
-"""Seconds before such a request is sent again, as the client of the package waits."""
 
 NICE = 10
 

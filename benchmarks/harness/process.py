@@ -20,14 +20,10 @@ from dataclasses import dataclass
 class Cost:
     """What a finished process took."""
 
-    clock: float
-    """Seconds from start to end."""
-    processor: float
-    """Seconds of all its threads together, in the system too."""
-    memory: float
-    """Peak, in MB."""
-    said: str
-    """What it printed."""
+    clock: float  # Seconds from start to end.
+    processor: float  # Seconds of all its threads together, in the system too.
+    memory: float  # Peak, in MB.
+    said: str  # What it printed.
 
 
 def cost(command: Sequence[str], **environment: str) -> Cost:

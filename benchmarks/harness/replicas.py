@@ -23,8 +23,7 @@ CADDYFILE = Path(__file__).parents[2] / "packaging" / "Caddyfile"
 
 SERVE = (sys.executable, "-m", "latentmotion", "serve")
 
-READY = 600.0
-"""Seconds in which a replica or the balancer must answer."""
+READY = 600.0  # Seconds in which a replica or the balancer must answer.
 
 
 class Replica:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 
-Laps = dict[str, float]
-"""Milliseconds by part."""
+Laps = dict[str, float]  # Milliseconds by part.
 
 
 class Stopwatch:

@@ -40,25 +40,19 @@ from latentmotion.ranking.scorer import Scorer
 from latentmotion.training.checking import fulfills
 from latentmotion.training.drawn_instructions import drawn_instructions
 
-SEED = 77
-"""What draws prompts."""
+SEED = 77  # What draws prompts.
 
-Choose = Callable[[Sequence[Take]], Take]
-"""Which of some takes is kept."""
+Choose = Callable[[Sequence[Take]], Take]  # Which of some takes is kept.
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
     """The takes of a prompt."""
 
-    instruction: Instruction
-    """The prompt."""
-    fulfilled: Bool[np.ndarray, " takes"]
-    """Whether each fulfills it, cleaned."""
-    takes: tuple[Take, ...]
-    """The scored takes, as they were generated."""
-    feet: Float[np.ndarray, "takes 3"]
-    """Sliding, penetration and jerk of each, cleaned."""
+    instruction: Instruction  # The prompt.
+    fulfilled: Bool[np.ndarray, " takes"]  # Whether each fulfills it, cleaned.
+    takes: tuple[Take, ...]  # The scored takes, as they were generated.
+    feet: Float[np.ndarray, "takes 3"]  # Sliding, penetration and jerk of each, cleaned.
 
 
 def main() -> None:

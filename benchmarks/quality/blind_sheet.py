@@ -22,28 +22,21 @@ from latentmotion.cleanup import CleanUp
 from latentmotion.measure.scene import describe
 from latentmotion.motion import Motion
 
-PER_SHEET = 6
-"""Motions of a picture."""
+PER_SHEET = 6  # Motions of a picture.
 
 
 @dataclass(frozen=True)
 class BlindSheet:
     """What is drawn."""
 
-    model: tyro.conf.Positional[str]
-    """Name or folder of a model."""
-    prompts: tyro.conf.Positional[Path]
-    """A prompt a line."""
-    out: tyro.conf.Positional[Path]
-    """Folder for pictures and key."""
+    model: tyro.conf.Positional[str]  # Name or folder of a model.
+    prompts: tyro.conf.Positional[Path]  # A prompt a line.
+    out: tyro.conf.Positional[Path]  # Folder for pictures and key.
+    # Each prompt is drawn with each.
     seeds: Annotated[tuple[int, ...], tyro.conf.arg(aliases=["-s"])] = (1, 2, 3)
-    """Each prompt is drawn with each."""
-    order: int = 0
-    """Seed of the order."""
-    best_of: int = 1
-    """Takes of each motion, of which the best is drawn."""
-    way: bool = False
-    """Print distance, side and turn of each motion, which strips do not show."""
+    order: int = 0  # Seed of the order.
+    best_of: int = 1  # Takes of each motion, of which the best is drawn.
+    way: bool = False  # Print distance, side and turn of each motion, which strips do not show.
 
 
 def main(sheet: BlindSheet) -> None:

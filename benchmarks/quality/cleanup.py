@@ -60,12 +60,9 @@ Joints = Float[np.ndarray, "frames joints 3"]
 class Take:
     """A motion and what its features say of its feet."""
 
-    motion: Motion
-    """The joints."""
-    contacts: Bool[np.ndarray, "frames feet"]
-    """Whether each foot joint stands by the features."""
-    stands: Bool[np.ndarray, "frames feet"]
-    """Whether it does by height and speed."""
+    motion: Motion  # The joints.
+    contacts: Bool[np.ndarray, "frames feet"]  # Whether each foot joint stands by the features.
+    stands: Bool[np.ndarray, "frames feet"]  # Whether it does by height and speed.
 
     @classmethod
     def of(cls, representation: Representation, features: Float[np.ndarray, "frames n"]) -> Take:

@@ -21,8 +21,8 @@ from latentmotion import MotionPipeline
 from latentmotion.engine.request import GenerationRequest, Start
 from latentmotion.representation.interface import Representation
 
+# Shares of the steps that are left, and of the clip that is kept in the result.
 SHARES = ((0.25, 0.7), (0.25, 0.0), (0.5, 0.0), (0.75, 0.0), (1.0, 0.0))
-"""Shares of the steps that are left, and of the clip that is kept in the result."""
 
 
 def placed(representation: Representation, features: np.ndarray) -> np.ndarray:

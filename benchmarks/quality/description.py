@@ -24,8 +24,7 @@ from latentmotion.measure.scene import describe
 from latentmotion.ranking.agreement import Verdict, check
 
 GAITS = ("walk", "jog", "run", "move")
-SHORTEST = 8
-"""Frames of the shortest part that is compared."""
+SHORTEST = 8  # Frames of the shortest part that is compared.
 
 
 def main() -> None:

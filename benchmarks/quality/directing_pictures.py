@@ -22,8 +22,7 @@ from latentmotion.control.stream import generate_loop
 from latentmotion.control.timeline import generate_timeline
 from latentmotion.render.strip import write
 
-WIDTH, QUALITY = 660, 40
-"""Pixels, and WebP's quality."""
+WIDTH, QUALITY = 660, 40  # Pixels, and WebP's quality.
 
 
 def path(generate: MotionPipeline) -> list[Motion]:

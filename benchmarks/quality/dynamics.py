@@ -42,20 +42,17 @@ from latentmotion.measure.signals import spans
 from latentmotion.progress import counted
 from latentmotion.ranking.scorer import Scorer, shipped_scorer
 
-FPS = 20.0
-"""Rate at which everything is measured."""
+FPS = 20.0  # Rate at which everything is measured.
 
-ENDS = 0.3
-"""Seconds at either end."""
+ENDS = 0.3  # Seconds at either end.
 
+# Height of a support, m; speed of a pelvis that needs one, m/s; seconds that are seen.
 LOW, SLOW, LONG = 0.05, 0.3, 0.5
-"""Height of a support, m; speed of a pelvis that needs one, m/s; seconds that are seen."""
 
+# Height of the pelvis of a body that lies, and of the joints that may carry it, m.
 LYING, FLESH = 0.4, 0.12
-"""Height of the pelvis of a body that lies, and of the joints that may carry it, m."""
 
-SHORTEST = 30
-"""Frames of the shortest real clip."""
+SHORTEST = 30  # Frames of the shortest real clip.
 
 HERE = Path(__file__).parent
 
@@ -66,22 +63,15 @@ Joints = Float[np.ndarray, "frames joints 3"]
 class Dynamics:
     """What is measured of one motion; sums and samples, so that motions can be pooled."""
 
-    jerk: Float[np.ndarray, " samples"]
-    """Of all joints, m/s³."""
-    energy: Float[np.ndarray, " 3"]
-    """Of velocities: all, above 3 Hz, above 5 Hz."""
+    jerk: Float[np.ndarray, " samples"]  # Of all joints, m/s³.
+    energy: Float[np.ndarray, " 3"]  # Of velocities: all, above 3 Hz, above 5 Hz.
+    # Steps between frames: all, at rest, slow, slow without support.
     frames: Float[np.ndarray, " 4"]
-    """Steps between frames: all, at rest, slow, slow without support."""
-    ends: Float[np.ndarray, " 2"]
-    """Speed at start and end by the mean speed."""
-    slide: float
-    """Speed of feet on the floor, cm/s."""
-    ways: Float[np.ndarray, " contacts"]
-    """Way of a toe in each contact, cm."""
-    travel: float
-    """Meters."""
-    hangs: bool
-    """Whether it lacks support for long."""
+    ends: Float[np.ndarray, " 2"]  # Speed at start and end by the mean speed.
+    slide: float  # Speed of feet on the floor, cm/s.
+    ways: Float[np.ndarray, " contacts"]  # Way of a toe in each contact, cm.
+    travel: float  # Meters.
+    hangs: bool  # Whether it lacks support for long.
 
     @classmethod
     def of(cls, motion: Motion) -> Dynamics:
@@ -147,6 +137,7 @@ def _energy(part: int) -> Callable[[Sequence[Dynamics]], float]:
     return share
 
 
+# Name, format and value of each column, of some motions together.
 COLUMNS: dict[str, tuple[str, Callable[[Sequence[Dynamics]], float]]] = {
     "jerk": (".0f", lambda ms: float(np.percentile(np.concatenate([m.jerk for m in ms]), 99))),
     ">3 Hz": (".3f", _energy(1)),
@@ -160,7 +151,6 @@ COLUMNS: dict[str, tuple[str, Callable[[Sequence[Dynamics]], float]]] = {
     "hang %": (".0f", lambda ms: 100 * float(np.mean([m.hangs for m in ms]))),
     "travel": (".1f", lambda ms: float(np.mean([m.travel for m in ms]))),
 }
-"""Name, format and value of each column, of some motions together."""
 
 
 def table(rows: dict[str, Sequence[Motion]], draws: int = 200) -> list[str]:

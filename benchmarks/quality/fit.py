@@ -29,8 +29,7 @@ from latentmotion.representation.canonical import turn
 FPS, FRAMES = 20.0, 100
 LEGS = [HUMANML3D.names.index(f"{s}_{p}") for s in ("left", "right") for p in ("knee", "ankle")]
 LEGS += [HUMANML3D.names.index(f"{s}_foot") for s in ("left", "right")]
-STRENGTHS = (1.0, 3.0, 10.0, 30.0, 100.0)
-"""Accelerations of the Kalman smoother, m/s² in a frame."""
+STRENGTHS = (1.0, 3.0, 10.0, 30.0, 100.0)  # Accelerations of the Kalman smoother, m/s² in a frame.
 
 
 @dataclass(frozen=True)
@@ -38,12 +37,9 @@ class Spoiled:
     """A way to spoil a recording."""
 
     name: str
-    noise: float
-    """Deviation, meters."""
-    gap: float = 0.0
-    """Seconds in the middle without the joints."""
-    joints: tuple[int, ...] = tuple(range(22))
-    """Joints that the gap lacks."""
+    noise: float  # Deviation, meters.
+    gap: float = 0.0  # Seconds in the middle without the joints.
+    joints: tuple[int, ...] = tuple(range(22))  # Joints that the gap lacks.
 
 
 ROWS = (

@@ -45,20 +45,14 @@ LEGS = (("hip", "knee"), ("knee", "ankle"))
 class Row:
     """What one motion on one rig gives, arrays over frames and bones."""
 
-    arms: np.ndarray
-    """Degrees."""
-    legs: np.ndarray
-    """Degrees."""
-    height: np.ndarray
-    """Meters that standing feet are off where the source's are at scale, signed."""
+    arms: np.ndarray  # Degrees.
+    legs: np.ndarray  # Degrees.
+    height: np.ndarray  # Meters that standing feet are off where the source's are at scale, signed.
+    # Meters that feet, sole down, are below the floor where the source's are not.
     below: np.ndarray
-    """Meters that feet, sole down, are below the floor where the source's are not."""
-    sliding: np.ndarray
-    """Meters per second, at the source's scale."""
-    source_sliding: np.ndarray
-    """Meters per second."""
-    back: np.ndarray
-    """Meters."""
+    sliding: np.ndarray  # Meters per second, at the source's scale.
+    source_sliding: np.ndarray  # Meters per second.
+    back: np.ndarray  # Meters.
 
 
 def main() -> None:

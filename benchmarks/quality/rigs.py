@@ -14,8 +14,8 @@ import numpy as np
 from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
 from latentmotion.kinematics.rotations import quaternion_between, quaternion_from_matrix
 
+# Joint → its parent and its place in rest pose, meters, y up, facing +z.
 Tree = Mapping[str, tuple[str | None, tuple[float, float, float]]]
-"""Joint → its parent and its place in rest pose, meters, y up, facing +z."""
 
 
 @dataclass(frozen=True)
@@ -23,12 +23,10 @@ class RigShape:
     """A character to be written."""
 
     tree: Tree
+    # The local axis that runs along bones; none where bones have the world's axes.
     along: tuple[float, float, float] | None = None
-    """The local axis that runs along bones; none where bones have the world's axes."""
-    unit: float = 1.0
-    """Meters per unit of the file's nodes."""
-    above: dict = field(default_factory=dict)
-    """What the node above all bones has: rotation, scale."""
+    unit: float = 1.0  # Meters per unit of the file's nodes.
+    above: dict = field(default_factory=dict)  # What the node above all bones has: rotation, scale.
     extensions: dict = field(default_factory=dict)
 
 
@@ -41,6 +39,7 @@ def _mirrored(middle: Tree, left: Tree, marks: tuple[str, str]) -> Tree:
     return tree
 
 
+# A T-pose in centimeters below a node that scales them, y along the bones.
 MIXAMO = RigShape(
     _mirrored(
         {
@@ -72,8 +71,8 @@ MIXAMO = RigShape(
     unit=0.01,
     above={"scale": [0.01, 0.01, 0.01]},
 )
-"""A T-pose in centimeters below a node that scales them, y along the bones."""
 
+# An A-pose facing +x, z along the bones, five spine bones below a root on the floor.
 UNREAL = RigShape(
     _mirrored(
         {
@@ -108,8 +107,8 @@ UNREAL = RigShape(
     along=(0, 0, 1),
     above={"rotation": [0, 0.7071067811865476, 0, 0.7071067811865476]},
 )
-"""An A-pose facing +x, z along the bones, five spine bones below a root on the floor."""
 
+# Child proportions with the world's axes at all bones, as VRoid exports them.
 CHILD = RigShape(
     _mirrored(
         {
@@ -134,7 +133,6 @@ CHILD = RigShape(
         ("L", "R"),
     )
 )
-"""Child proportions with the world's axes at all bones, as VRoid exports them."""
 
 RIGS = {"mixamo": MIXAMO, "unreal": UNREAL, "child": CHILD}
 

@@ -34,8 +34,7 @@ from latentmotion.kinematics.skeleton import HUMANML3D, HUMANML3D_DIRECTIONS, An
 
 PARENTS = [max(parent, 0) for parent in HUMANML3D.parents]
 REST = np.array(HUMANML3D_DIRECTIONS, dtype=np.float64)
-LIMITS = (5.0, 10.0)
-"""Radians per second."""
+LIMITS = (5.0, 10.0)  # Radians per second.
 
 Joints = Float[np.ndarray, "frames joints 3"]
 Rotations = Float[np.ndarray, "frames joints 3 3"]
@@ -45,10 +44,8 @@ Rotations = Float[np.ndarray, "frames joints 3 3"]
 class Turns:
     """Speeds of every bone in every step, rad/s."""
 
-    speed: Float[np.ndarray, "steps bones"]
-    """Of its whole rotation."""
-    reason: Float[np.ndarray, "steps bones"]
-    """Of the directions of it and its neighbors."""
+    speed: Float[np.ndarray, "steps bones"]  # Of its whole rotation.
+    reason: Float[np.ndarray, "steps bones"]  # Of the directions of it and its neighbors.
 
     def without_reason(self, limit: float) -> int:
         """Counts bones and steps that spin without reason."""

@@ -43,12 +43,12 @@ PROMPTS = (
     "a person hops on both legs",
     "a person jogs in a circle to the left",
 )
+# Prompts of the moving picture, and what is written below.
 MOVING = {3: "jumps forward", 7: "kicks", 19: "sits down", 10: "lies down"}
-"""Prompts of the moving picture, and what is written below."""
 
 SEED = 0
+# Of the pictures and of the moving one, which stay small so that the repository does.
 WIDTH, COLORS, FPS = 760, 22, 10
-"""Of the pictures and of the moving one, which stay small so that the repository does."""
 
 
 def main(folder: Path, model: str = DEFAULT) -> None:

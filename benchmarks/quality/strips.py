@@ -30,17 +30,14 @@ from latentmotion.reproduce.runner import TableRunner
 from latentmotion.reproduce.table import Row, rows_named
 from latentmotion.storage.files import atomic_file
 
-REAL = "Real"
-"""Heading of the column of real motions."""
+REAL = "Real"  # Heading of the column of real motions.
 
-FIGURES = 7
-"""Figures of a cell."""
+FIGURES = 7  # Figures of a cell.
 
-TAKES = 3
-"""Motions of each action label."""
+TAKES = 3  # Motions of each action label.
 
+# Width and height of a cell, a meter, and the line of a caption, in units of the picture.
 _WIDTH, _HEIGHT, _METER, _BAND = 300, 96, 36, 20
-"""Width and height of a cell, a meter, and the line of a caption, in units of the picture."""
 
 _STYLE = (
     "text{font:11px sans-serif;fill:#3a404c}.h{font-weight:bold}"

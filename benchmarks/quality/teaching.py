@@ -25,8 +25,7 @@ from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset, Item, items_of
 from latentmotion.retrieval.teach import ShownClip, build_index
 
-SHORTEST, LONGEST = 40, 196
-"""Frames of the clips."""
+SHORTEST, LONGEST = 40, 196  # Frames of the clips.
 
 
 def asked(item: Item) -> str:

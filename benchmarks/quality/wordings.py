@@ -34,44 +34,34 @@ from latentmotion.evaluation.scores import reads_text
 from latentmotion.ranking.scorer import shipped_scorer
 from latentmotion.storage.reading import read_text
 
-LIST = Path(__file__).with_suffix(".tsv")
-"""The captions and wordings that are asked."""
+LIST = Path(__file__).with_suffix(".tsv")  # The captions and wordings that are asked.
 
-GROUP = 32
-"""Captions that are ranked together."""
+GROUP = 32  # Captions that are ranked together.
 
-DRAWS = 10_000
-"""Samples of the bootstrap."""
+DRAWS = 10_000  # Samples of the bootstrap.
 
 
 @dataclass(frozen=True)
 class Wordings:
     """What is measured."""
 
-    model: tyro.conf.Positional[str]
-    """Name or folder of a model."""
-    wordings: Path = LIST
-    """A caption, a tab and another wording of it a line; groups of 32 lines."""
+    model: tyro.conf.Positional[str]  # Name or folder of a model.
+    wordings: Path = LIST  # A caption, a tab and another wording of it a line; groups of 32 lines.
+    # Each sentence is generated with each.
     seeds: Annotated[tuple[int, ...], tyro.conf.arg(aliases=["-s"])] = (0, 1, 2, 3, 4)
-    """Each sentence is generated with each."""
-    best_of: int = 1
-    """Takes of each motion, of which the best is ranked."""
+    best_of: int = 1  # Takes of each motion, of which the best is ranked.
+    # The scorer that ships, or the folder of an evaluator that reads HumanML3D's features.
     evaluator: Path = Path("scorer")
-    """The scorer that ships, or the folder of an evaluator that reads HumanML3D's features."""
-    worst: int = 15
-    """Lines to print whose own wording does worst against their caption."""
-    out: Path | None = None
-    """CSV file of the place of each motion's caption, from 1."""
+    worst: int = 15  # Lines to print whose own wording does worst against their caption.
+    out: Path | None = None  # CSV file of the place of each motion's caption, from 1.
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
     """Places of captions among those of their groups, from 0."""
 
-    caption: Int[np.ndarray, "lines seeds"]
-    """Of motions that were asked for as captions say it."""
-    own: Int[np.ndarray, "lines seeds"]
-    """Of motions that were asked for in other words."""
+    caption: Int[np.ndarray, "lines seeds"]  # Of motions that were asked for as captions say it.
+    own: Int[np.ndarray, "lines seeds"]  # Of motions that were asked for in other words.
 
     def within(self, first: int) -> Float[np.ndarray, "lines 2"]:
         """Returns the share of seeds with the caption among the first, of caption and wording."""

@@ -44,11 +44,9 @@ from latentmotion.training.run_folder import MODEL, Run, open_run, read_journal
 from latentmotion.training.stages import train_first_stage
 from latentmotion.training.vae import FeatureCache, VAEStage
 
-CURVES = "_curves"
-"""Suffix of the page of a table's curves."""
+CURVES = "_curves"  # Suffix of the page of a table's curves.
 
-REFERENCE = "mld_1"
-"""Row that the others are compared with, clip by clip."""
+REFERENCE = "mld_1"  # Row that the others are compared with, clip by clip.
 
 
 def main() -> None:
@@ -66,68 +64,48 @@ def main() -> None:
 class Point:
     """A validation."""
 
-    step: int
-    """Optimizer steps."""
-    hours: float
-    """Processor time until then, at the run's mean pace."""
-    held_out_mm: float
-    """MPJPE of at most 64 held-out clips."""
-    training_mm: float
-    """MPJPE of at most 64 training clips."""
+    step: int  # Optimizer steps.
+    hours: float  # Processor time until then, at the run's mean pace.
+    held_out_mm: float  # MPJPE of at most 64 held-out clips.
+    training_mm: float  # MPJPE of at most 64 training clips.
 
 
 @dataclass(frozen=True)
 class Curve:
     """The curve of a row."""
 
-    row: str
-    """Name in the table."""
-    title: str
-    """Title in the table."""
-    parameters: int
-    """Weights of the VAE."""
-    step: int
-    """Steps of the last snapshot."""
-    hours: float
-    """Processor time until then."""
-    points: tuple[Point, ...]
-    """Validations in order."""
+    row: str  # Name in the table.
+    title: str  # Title in the table.
+    parameters: int  # Weights of the VAE.
+    step: int  # Steps of the last snapshot.
+    hours: float  # Processor time until then.
+    points: tuple[Point, ...]  # Validations in order.
+    # Kullback-Leibler divergence of the last training batch reported, nats a latent number.
     kl: float | None = None
-    """Kullback-Leibler divergence of the last training batch reported, nats a latent number."""
-    paper_mm: float | None = None
-    """The paper's figure on its own data."""
+    paper_mm: float | None = None  # The paper's figure on its own data.
+    # MPJPE of each held-out clip at the end, where it was measured.
     errors_mm: tuple[float, ...] = ()
-    """MPJPE of each held-out clip at the end, where it was measured."""
 
 
 @dataclass(frozen=True)
 class Curves:
     """The curves of a table."""
 
-    table: str
-    """Its name."""
-    data: str
-    """Folder name and fingerprint of the data set."""
-    budget: str
-    """Changes of the budget."""
-    command: str
-    """The command that trained them last."""
-    commit: str
-    """Commit of the code."""
-    rows: tuple[Curve, ...]
-    """The curves, in the table's order."""
+    table: str  # Its name.
+    data: str  # Folder name and fingerprint of the data set.
+    budget: str  # Changes of the budget.
+    command: str  # The command that trained them last.
+    commit: str  # Commit of the code.
+    rows: tuple[Curve, ...]  # The curves, in the table's order.
 
 
 @dataclass(frozen=True)
 class CurveRunner:
     """Trains the VAEs of a table in turn and draws their curves."""
 
-    table: Table
-    """The table."""
-    rows: Sequence[Row]
-    """Rows to train; those that rebuild nothing are left out."""
-    work: Workspace
-    """Data, models and sizes; a slice is `vae_training.validate_every` steps."""
+    table: Table  # The table.
+    rows: Sequence[Row]  # Rows to train; those that rebuild nothing are left out.
+    work: Workspace  # Data, models and sizes; a slice is `vae_training.validate_every` steps.
 
     def run(self, hours: float) -> Path:
         """Trains until each row has had so many hours of processor time; returns the page.

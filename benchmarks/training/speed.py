@@ -29,8 +29,7 @@ COLUMNS = (
     *("motions/s", "frames/s", "times as fast"),
 )
 
-Entry = tuple[Contender, int, int]
-"""A step, how many motions it shows, and of how many frames."""
+Entry = tuple[Contender, int, int]  # A step, how many motions it shows, and of how many frames.
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -40,24 +40,18 @@ from latentmotion.storage.reading import read_table, read_text
 from latentmotion.storage.shards import ShardContent, ShardedRun, Work, Wrong
 from latentmotion.text.encoder import MemoryCachedTextEncoder
 
-COLUMNS = ("prompt", "seconds", "seed")
-"""Columns of a table that are read; the first is needed."""
+COLUMNS = ("prompt", "seconds", "seed")  # Columns of a table that are read; the first is needed.
 
 
 @dataclass(frozen=True)
 class PromptRow:
     """A requested motion."""
 
-    line: int
-    """Its line in the file, counted from 1."""
-    prompt: str
-    """A sentence, a label or nothing."""
-    seed: int
-    """Seed of its noise."""
-    seconds: float | None = None
-    """Its length, if it is given."""
-    problem: str = ""
-    """Its error, if any."""
+    line: int  # Its line in the file, counted from 1.
+    prompt: str  # A sentence, a label or nothing.
+    seed: int  # Seed of its noise.
+    seconds: float | None = None  # Its length, if it is given.
+    problem: str = ""  # Its error, if any.
 
 
 def read_rows(path: Path, seed: int = 0) -> list[PromptRow]:
@@ -110,17 +104,15 @@ def _too_many(count: int) -> str:
     return f"{count:,} rows, at most {limits.MOST_PROMPTS:,} are read; split the file"
 
 
+# Format of the shards; or of the motions, a file each, with a table of them for each shard.
 Format = Literal["safetensors", "glb", "bvh", "fbx"]
-"""Format of the shards; or of the motions, a file each, with a table of them for each shard."""
 
-ONE_EACH = ("glb", "bvh", "fbx")
-"""Formats of a file for each motion."""
+ONE_EACH = ("glb", "bvh", "fbx")  # Formats of a file for each motion.
 
 # Characters of the name of such a file at most.
 _LONGEST_NAME = 60
 
-ROWS = 512
-"""Rows of a shard: some 10 MB, and some 10 s of one core."""
+ROWS = 512  # Rows of a shard: some 10 MB, and some 10 s of one core.
 
 _MODEL_FILES = ("*.json", "*.onnx", "*.safetensors")
 
@@ -129,34 +121,24 @@ _MODEL_FILES = ("*.json", "*.onnx", "*.safetensors")
 class BulkGeneration:
     """How rows become motions, wherever that happens."""
 
+    # Opens a model by its name and `options`; every worker must be able to import it.
     open: Callable[..., MotionPipeline] = MotionPipeline.from_pretrained
-    """Opens a model by its name and `options`; every worker must be able to import it."""
-    model: str = DEFAULT
-    """Name or folder of the model."""
+    model: str = DEFAULT  # Name or folder of the model.
+    # What `open` takes after the model: runtime, threads and the like.
     options: tuple[Any, ...] = ()
-    """What `open` takes after the model: runtime, threads and the like."""
+    # Length of motions whose row has none; by default the model predicts it.
     seconds: float | None = None
-    """Length of motions whose row has none; by default the model predicts it."""
-    steps: int | None = None
-    """Sampling steps; by default the model's own."""
-    guidance: float | None = None
-    """Guidance scale; by default the model's own."""
-    sampler: SamplerName | None = None
-    """Sampler; by default the model's own."""
-    clean: bool = True
-    """Whether motions are cleaned up."""
+    steps: int | None = None  # Sampling steps; by default the model's own.
+    guidance: float | None = None  # Guidance scale; by default the model's own.
+    sampler: SamplerName | None = None  # Sampler; by default the model's own.
+    clean: bool = True  # Whether motions are cleaned up.
+    # Whether clean-up makes counts exact, of motions whose length nobody gave.
     exact_count: bool = True
-    """Whether clean-up makes counts exact, of motions whose length nobody gave."""
-    exact_turn: bool = True
-    """Whether clean-up makes turns exact."""
-    format: Format = "safetensors"
-    """Format of the shards, or of the motions."""
-    preset: EngineName | None = None
-    """Names of bones of the motions' files."""
-    fps: float | None = None
-    """Frames per second of the motions' files; by default the model's own."""
-    weights: str = ""
-    """SHA-256 of the model's files, which every worker must have; "" takes any."""
+    exact_turn: bool = True  # Whether clean-up makes turns exact.
+    format: Format = "safetensors"  # Format of the shards, or of the motions.
+    preset: EngineName | None = None  # Names of bones of the motions' files.
+    fps: float | None = None  # Frames per second of the motions' files; by default the model's own.
+    weights: str = ""  # SHA-256 of the model's files, which every worker must have; "" takes any.
 
     def frames(self, pipeline: MotionPipeline, rows: Sequence[PromptRow]) -> list[int]:
         """Returns the length of each row's motion: its own, the run's or the predicted one.

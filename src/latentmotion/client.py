@@ -48,26 +48,20 @@ except ModuleNotFoundError as error:
 P = ParamSpec("P")
 T = TypeVar("T")
 
-BUSY = (429, 503)
-"""Statuses of a service that asks to be called again."""
+BUSY = (429, 503)  # Statuses of a service that asks to be called again.
 
+# Status codes of a load balancer without a service behind it; they have no Retry-After.
 LOST = (502, 503, 504)
-"""Status codes of a load balancer without a service behind it; they have no Retry-After."""
 
-UNDONE = ("queued", "running")
-"""States of a job that has not ended."""
+UNDONE = ("queued", "running")  # States of a job that has not ended.
 
-LARGEST_PIECE = 1 << 24
-"""Bytes of a message of a stream."""
+LARGEST_PIECE = 1 << 24  # Bytes of a message of a stream.
 
-LONGEST_WAIT = 10.0
-"""Seconds between two calls at most."""
+LONGEST_WAIT = 10.0  # Seconds between two calls at most.
 
-RECONNECTS = 3
-"""Retries of a call whose connection, or the load balancer's, was refused or lost."""
+RECONNECTS = 3  # Retries of a call whose connection, or the load balancer's, was refused or lost.
 
-PAUSE = 0.1
-"""Seconds before the first of these; each later pause is twice as long."""
+PAUSE = 0.1  # Seconds before the first of these; each later pause is twice as long.
 
 
 class ServiceError(LatentMotionError):
@@ -83,11 +77,11 @@ class ServiceError(LatentMotionError):
         self.status, self.detail = status, detail
 
 
+# What a request leads to; None after a pause.
 Outcome: TypeAlias = "httpx.Response | httpx.HTTPError | None"
-"""What a request leads to; None after a pause."""
 
+# A conversation without I/O: yields requests and pauses in seconds, is sent their outcomes.
 Flow: TypeAlias = Generator[httpx.Request | float, Outcome, T]
-"""A conversation without I/O: yields requests and pauses in seconds, is sent their outcomes."""
 
 
 class _Blocking:

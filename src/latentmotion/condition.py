@@ -31,22 +31,19 @@ from latentmotion.errors import InputError
 class Conditioning:
     """The condition of a batch of motions, NumPy or torch."""
 
+    # One vector per word; a pooled sentence or a label is one word.
     tokens: Float[Any, "batch words width"]
-    """One vector per word; a pooled sentence or a label is one word."""
-    mask: Bool[Any, "batch words"]
-    """True on real words."""
+    mask: Bool[Any, "batch words"]  # True on real words.
 
 
 @dataclass(frozen=True)
 class TextEmbedding:
     """Embeddings of a batch of sentences, NumPy or torch."""
 
-    pooled: Float[Any, "batch width"]
-    """One vector per sentence."""
+    pooled: Float[Any, "batch width"]  # One vector per sentence.
+    # One vector per word piece, zero where there is none; CLIP's may be of another width.
     words: Float[Any, "batch words _"]
-    """One vector per word piece, zero where there is none; CLIP's may be of another width."""
-    mask: Bool[Any, "batch words"]
-    """True on real word pieces."""
+    mask: Bool[Any, "batch words"]  # True on real word pieces.
 
 
 @runtime_checkable
@@ -103,8 +100,8 @@ def stack(rows: Sequence[TextEmbedding]) -> TextEmbedding:
     return TextEmbedding(np.concatenate([row.pooled for row in rows]), words, mask)
 
 
+# Name of a model's kind of condition in cards, experiments and on the command line.
 TaskName = Literal["text", "action", "unconditional"]
-"""Name of a model's kind of condition in cards, experiments and on the command line."""
 
 
 @dataclass(frozen=True)
@@ -117,12 +114,10 @@ class TextConditioning:
         InputError: It would see nothing.
     """
 
-    pooled: bool = True
-    """Whether the first token is the pooled sentence."""
-    words: int = 0
-    """Maximum number of word pieces that follow."""
+    pooled: bool = True  # Whether the first token is the pooled sentence.
+    words: int = 0  # Maximum number of word pieces that follow.
+    # What stands for no sentence: the empty one as in MLD, or zeros as in MDM.
     null: Literal["empty", "zeros"] = "empty"
-    """What stands for no sentence: the empty one as in MLD, or zeros as in MDM."""
 
     def __post_init__(self) -> None:
         if not self.pooled and self.words < 1:
@@ -148,11 +143,10 @@ class TextConditioning:
 class SentenceCondition:
     """A text encoder as a condition."""
 
-    encoder: TextEncoder
-    """Sentences to embeddings."""
+    encoder: TextEncoder  # Sentences to embeddings.
 
+    # Their embeddings, as the denoiser reads them.
     conditioning: TextConditioning = field(default_factory=TextConditioning)
-    """Their embeddings, as the denoiser reads them."""
 
     def __call__(self, inputs: Sequence[str]) -> Conditioning:
         """Returns the condition of each sentence.
@@ -179,8 +173,7 @@ class ActionCondition:
     learned table, and null into zero, as MLD's action embedding with its masked labels.
     """
 
-    labels: tuple[str, ...]
-    """Names, in the order of the table's rows."""
+    labels: tuple[str, ...]  # Names, in the order of the table's rows.
 
     def __call__(self, inputs: Sequence[str]) -> Conditioning:
         """Returns one unit vector per label.
@@ -207,8 +200,7 @@ class ActionCondition:
 class Unconditional:
     """No condition: no words at all, for models that learned motion alone."""
 
-    width: int
-    """Numbers per word that the denoiser expects."""
+    width: int  # Numbers per word that the denoiser expects.
 
     def __call__(self, inputs: Sequence[object]) -> Conditioning:
         """Returns no words for each input."""
@@ -225,29 +217,23 @@ class Unconditional:
 class TrainingCondition:
     """Inputs from which a task builds the condition that a model is trained with."""
 
-    source: str
-    """Where the data is."""
-    labels: tuple[str, ...]
-    """Labels of the training clips."""
+    source: str  # Where the data is.
+    labels: tuple[str, ...]  # Labels of the training clips.
+    # Returns the text encoder that the user passed, or raises an error.
     encoder: Callable[[], TextEncoder]
-    """Returns the text encoder that the user passed, or raises an error."""
-    conditioning: TextConditioning
-    """Sentence embeddings that the denoiser reads."""
+    conditioning: TextConditioning  # Sentence embeddings that the denoiser reads.
 
 
 class Task(ABC):
     """The kind of prompt that a model is conditioned on; what is not overridden means: none."""
 
-    name: ClassVar[TaskName]
-    """Name of the task in cards and experiments."""
-    reads_text: ClassVar[bool] = False
-    """Whether prompts are sentences, which need a text encoder."""
+    name: ClassVar[TaskName]  # Name of the task in cards and experiments.
+    reads_text: ClassVar[bool] = False  # Whether prompts are sentences, which need a text encoder.
+    # Whether motions have prompts, so that their match with the prompt can be measured.
     prompted: ClassVar[bool] = True
-    """Whether motions have prompts, so that their match with the prompt can be measured."""
+    # Whether a clip is shown as a whole; else parts with sentences of their own are items.
     whole_clips: ClassVar[bool] = True
-    """Whether a clip is shown as a whole; else parts with sentences of their own are items."""
-    asks_for: ClassVar[str]
-    """Clips that an evaluation can use, as a phrase for messages."""
+    asks_for: ClassVar[str]  # Clips that an evaluation can use, as a phrase for messages.
 
     @classmethod
     def of_training(cls: type[AnyTask], training: TrainingCondition) -> AnyTask:
@@ -324,12 +310,11 @@ class TextTask(Task):
     whole_clips = False
     asks_for = "with captions"
 
+    # Name of the text encoder; null where the second stage is not trained yet.
     encoder: str | None = None
-    """Name of the text encoder; null where the second stage is not trained yet."""
-    width: int = 0
-    """Numbers per word of the encoder."""
+    width: int = 0  # Numbers per word of the encoder.
+    # Sentence embeddings that the denoiser reads.
     conditioning: TextConditioning = field(default_factory=TextConditioning)
-    """Sentence embeddings that the denoiser reads."""
 
     @classmethod
     def of_training(cls, training: TrainingCondition) -> TextTask:
@@ -382,8 +367,8 @@ class ActionTask(Task):
     name = "action"
     asks_for = "with a label"
 
+    # Labels that the model knows, in the order of the denoiser's table.
     labels: tuple[str, ...] = ()
-    """Labels that the model knows, in the order of the denoiser's table."""
 
     @classmethod
     def of_training(cls, training: TrainingCondition) -> ActionTask:
@@ -451,9 +436,9 @@ class UnconditionalTask(Task):
         return InputError(f'model {model!r} takes no prompt; pass ""')
 
 
+# Every task by its name.
 TASKS: dict[TaskName, type[TextTask | ActionTask | UnconditionalTask]] = {
     "text": TextTask,
     "action": ActionTask,
     "unconditional": UnconditionalTask,
 }
-"""Every task by its name."""

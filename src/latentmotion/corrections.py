@@ -15,22 +15,17 @@ from typing import Any
 class Turn:
     """A turn of the whole body that a sentence asks for."""
 
-    degrees: float
-    """By how much."""
-    side: str = ""
-    """`left`, `right`, or nothing for either."""
+    degrees: float  # By how much.
+    side: str = ""  # `left`, `right`, or nothing for either.
 
 
 @dataclass(frozen=True)
 class Count:
     """Number of repetitions of an act that a sentence asks for."""
 
-    act: str
-    """A name of `COUNTED`, the acts whose repetitions are measured."""
-    side: str = ""
-    """`left`, `right` or `both`, or nothing for any."""
-    times: int = 1
-    """Number of times, 1 or more."""
+    act: str  # A name of `COUNTED`, the acts whose repetitions are measured.
+    side: str = ""  # `left`, `right` or `both`, or nothing for any.
+    times: int = 1  # Number of times, 1 or more.
 
     @property
     def wanted(self) -> range:
@@ -42,18 +37,14 @@ class Count:
 class Corrections:
     """What clean-up makes exact in one motion; by default nothing."""
 
-    turn: Turn | None = None
-    """The turn, if the sentence names the degrees of exactly one."""
-    count: Count | None = None
-    """The count, if the sentence says how often exactly one act is done."""
+    turn: Turn | None = None  # The turn, if the sentence names the degrees of exactly one.
+    count: Count | None = None  # The count, if the sentence says how often exactly one act is done.
+    # Whether it is a whole motion as a model generated it, without much that is quick.
     sharpens: bool = False
-    """Whether it is a whole motion as a model generated it, without much that is quick."""
-    settles: bool = False
-    """Whether its timing is free, too."""
+    settles: bool = False  # Whether its timing is free, too.
+    # Frames that it may have to get longer for rest, where nobody gave its length.
     longest: int = 0
-    """Frames that it may have to get longer for rest, where nobody gave its length."""
-    on_floor: bool = False
-    """Whether its sentence names nothing above the floor to stand on."""
+    on_floor: bool = False  # Whether its sentence names nothing above the floor to stand on.
 
     def about(self) -> dict[str, Any]:
         """Returns what a motion's metadata say of the numbers in its sentence."""
@@ -61,5 +52,4 @@ class Corrections:
         return {name: asdict(each) for name, each in numbers.items() if each is not None}
 
 
-NO_CORRECTIONS = Corrections()
-"""Of a motion that nobody asked for a number."""
+NO_CORRECTIONS = Corrections()  # Of a motion that nobody asked for a number.

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from latentmotion.measure.objects import ImpliedObject
 
 
+# Metadata that hold for a motion's frames as they were generated.
 _OF_FRAMES = ("goals", "spans", "foot_sliding", "turn", "count", "loop")
-"""Metadata that hold for a motion's frames as they were generated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,8 +267,7 @@ class Motion:
         return registered("motion.notebook")(self)
 
 
-_TOGETHER = 32
-"""Motions that are worked on together at most, which bounds memory."""
+_TOGETHER = 32  # Motions that are worked on together at most, which bounds memory.
 
 
 def alike(motions: Sequence[Motion]) -> list[list[int]]:

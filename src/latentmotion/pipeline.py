@@ -82,8 +82,8 @@ if TYPE_CHECKING:
     from latentmotion.retrieval.index import ClipIndex
     from latentmotion.retrieval.starts import ClipStart, ClipStarts
 
+# Maximum number of motions that go through the networks at once, which bounds memory.
 MAX_BATCH_SIZE = 32
-"""Maximum number of motions that go through the networks at once, which bounds memory."""
 
 
 Item = TypeVar("Item")
@@ -96,16 +96,12 @@ _MOST_TAKES = 12
 class RawMotion:
     """A motion as the networks make it, and what its clean-up has to know."""
 
-    motion: Motion
-    """The motion."""
-    corrections: Corrections = NO_CORRECTIONS
-    """Degrees and repetitions that its sentence names."""
-    goals: tuple[Directed, ...] = ()
-    """Goals at which its joints are put in the end."""
-    start: ClipStart | None = None
-    """What it starts from; None for pure noise."""
+    motion: Motion  # The motion.
+    corrections: Corrections = NO_CORRECTIONS  # Degrees and repetitions that its sentence names.
+    goals: tuple[Directed, ...] = ()  # Goals at which its joints are put in the end.
+    start: ClipStart | None = None  # What it starts from; None for pure noise.
+    # Its prompt as it was read; None where sampling was directed to goals.
     reading: Reading | None = None
-    """Its prompt as it was read; None where sampling was directed to goals."""
 
 
 def cleaned_up(raw: Sequence[RawMotion], steps: CleanUp) -> list[Motion]:

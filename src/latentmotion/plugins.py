@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+# Kinds of plugins.
 Group = Literal[
     "latentmotion.data_sources",
     "latentmotion.denoisers",
@@ -33,7 +34,6 @@ Group = Literal[
     "latentmotion.text_encoders",
     "latentmotion.vaes",
 ]
-"""Kinds of plugins."""
 
 
 def plugin_names(group: Group) -> tuple[str, ...]:

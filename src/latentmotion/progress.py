@@ -13,14 +13,12 @@ from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 
-DELAY = 2.0
-"""Seconds after which a bar is shown; what ends before that shows none."""
+DELAY = 2.0  # Seconds after which a bar is shown; what ends before that shows none.
 
-SILENT = 60.0
-"""Seconds without any output after which a line says that the job goes on."""
+SILENT = 60.0  # Seconds without any output after which a line says that the job goes on.
 
+# The open bars; None where none are shown.
 _BARS: ContextVar[list[Any] | None] = ContextVar("bars", default=None)
-"""The open bars; None where none are shown."""
 
 
 class _Job:
@@ -50,8 +48,8 @@ class _Noticed:
         return self._stream.write(text)
 
 
+# The job of the command line; None in a library.
 _JOB: ContextVar[_Job | None] = ContextVar("job", default=None)
-"""The job of the command line; None in a library."""
 
 
 @contextmanager

@@ -68,6 +68,7 @@ def test_bytes_do_not_depend_on_the_number_of_processes(
     assert "5 motions, 2 rows left out; files 4" in capsys.readouterr().out
 
 
+# Generates, but is killed before a shard.
 KILLED = """
 import os, signal, sys
 from latentmotion import bulk
@@ -84,7 +85,6 @@ def killed_make(*arguments):
 bulk.make_shard = killed_make
 main(sys.argv[2:])
 """
-"""Generates, but is killed before a shard."""
 
 
 def test_killed_and_restarted_processes_make_the_same_motions(

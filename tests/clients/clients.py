@@ -16,8 +16,8 @@ from jaxtyping import Float
 from latentmotion.motion import Motion
 
 HERE = Path(__file__).parent
+# From our axes to those of a world whose up axis this is, as glTF and USD define the turn.
 UP = {"z": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]), "y": np.eye(3, dtype=int)}
-"""From our axes to those of a world whose up axis this is, as glTF and USD define the turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +38,11 @@ class Seen:
 class Measured:
     """How a client's take differs from the motion."""
 
-    error: float
-    """Largest distance of a bone from its joint in any frame, meters."""
-    scale: float
-    """How much larger the figure is than it should be."""
-    up: str
-    """The axis of the client along which the figure stands at the start."""
-    speed: float
-    """Seconds of the motion over seconds of the clip."""
-    sole: float | None
-    """Median height of the skin's lowest point, meters."""
+    error: float  # Largest distance of a bone from its joint in any frame, meters.
+    scale: float  # How much larger the figure is than it should be.
+    up: str  # The axis of the client along which the figure stands at the start.
+    speed: float  # Seconds of the motion over seconds of the clip.
+    sole: float | None  # Median height of the skin's lowest point, meters.
 
 
 def measure(seen: Seen, motion: Motion, up: str, frames: Sequence[int] | None = None) -> Measured:

@@ -14,11 +14,10 @@ from latentmotion.motion import Motion
 from tests.clients.clients import Seen, in_blender, in_browser, in_usd, measure, takes, validate
 from tests.clients.conftest import Row, Table
 
-CLOSE = 0.01
-"""Meters."""
+CLOSE = 0.01  # Meters.
 
+# Which take is looked at, and when, as a share of its length; none is where a foot is highest.
 MOMENTS = ((0, 0.4), (0, None), (1, 0.8), (2, 0.97))
-"""Which take is looked at, and when, as a share of its length; none is where a foot is highest."""
 
 
 def record(

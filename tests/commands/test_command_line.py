@@ -16,8 +16,7 @@ from latentmotion.cli import VERBS
 from latentmotion.cli.main import main
 
 SNAPSHOT = Path(__file__).parent / "command_line.txt"
-UPDATE = "UPDATE_COMMAND_LINE"
-"""Environment variable by which the snapshot is written anew."""
+UPDATE = "UPDATE_COMMAND_LINE"  # Environment variable by which the snapshot is written anew.
 
 ENTRY = re.compile(r"^│ (?=[^\s─])")
 DEFAULT = re.compile(r"\((default: .*|required|optional|repeatable)\)$")

@@ -161,12 +161,12 @@ def test_code_inside_a_file_does_not_run(tmp_path: Path) -> None:
     assert not (tmp_path / "model").exists()
 
 
+# Stands for OmegaConf's class, which is in the authors' files.
 SETTINGS = """
 class DictConfig:
     def __init__(self, content):
         self.content, self.parent = content, None
 """
-"""Stands for OmegaConf's class, which is in the authors' files."""
 
 
 def save_with_settings(path: Path, state: dict[str, Tensor], monkeypatch: Any) -> None:

@@ -295,8 +295,8 @@ def test_labels_and_network_must_agree(tmp_path: Path) -> None:
         load_evaluator(tmp_path / "judge")
 
 
+# Actions of the synthetic data, and those of their mirror images.
 LABELS = {"kick left": "kick right", "sway": "sway"}
-"""Actions of the synthetic data, and those of their mirror images."""
 
 
 @pytest.fixture(scope="module")

@@ -18,8 +18,7 @@ from latentmotion.networks.checkpoint import build
 from latentmotion.networks.transformer import CrossAttention, SelfAttention, encoder_stack
 from latentmotion.training.experiment import preset_named
 
-THOP_NORM = 4
-"""Operations that THOP counts for a number that a norm with weights returns."""
+THOP_NORM = 4  # Operations that THOP counts for a number that a norm with weights returns.
 
 # Modules in place of the authors' `nn.MultiheadAttention`, which THOP does not know.
 _UNKNOWN_TO_THOP = (SelfAttention, CrossAttention)

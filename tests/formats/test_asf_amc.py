@@ -14,6 +14,7 @@ from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.rotations import matrix_from_euler
 from latentmotion.kinematics.skeleton import HUMANML3D
 
+# A leg: its femur's own x axis is the world's y.
 ASF = """# a comment
 :version 1.10
 :name TEST
@@ -55,7 +56,6 @@ ASF = """# a comment
     femur tibia
   end
 """
-"""A leg: its femur's own x axis is the world's y."""
 
 AMC = """#!OML:ASF X:\\somewhere
 :FULLY-SPECIFIED

@@ -14,6 +14,7 @@ from latentmotion.formats.bvh import read_bvh, write_bvh
 from latentmotion.kinematics.rotations import matrix_from_euler
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 
+# An arm of 20 cm, on a shoulder 10 cm to the left of the hips.
 ARM = """HIERARCHY
 ROOT Hips
 {
@@ -35,7 +36,6 @@ Frame Time: 0.0083333
 0 90 0 0 0 0 0 0 0
 1 2 3 90 0 0 90 0 0
 """
-"""An arm of 20 cm, on a shoulder 10 cm to the left of the hips."""
 
 
 def put(tmp_path, content, name="some.bvh"):

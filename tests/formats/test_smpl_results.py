@@ -26,8 +26,8 @@ torch = pytest.importorskip("torch")
 pytestmark = pytest.mark.filterwarnings("ignore:.*a guess:latentmotion.errors.ReadingWarning")
 
 FRAMES = 40
+# The world in the axes of a level camera: x right, y down, z ahead.
 CAMERA = np.diag([1.0, -1.0, -1.0])
-"""The world in the axes of a level camera: x right, y down, z ahead."""
 
 
 @pytest.fixture(scope="module")

@@ -172,8 +172,7 @@ def test_damaged_layers(content: bytes, tmp_path: Path):
         usd_reader.read_takes(tmp_path / "a.usd")
 
 
-CANARIES = ("json", "numpy", "random")
-"""Modules that a child process imports early."""
+CANARIES = ("json", "numpy", "random")  # Modules that a child process imports early.
 
 
 def command(*words: str, here: Path, before: str = "") -> subprocess.CompletedProcess[str]:

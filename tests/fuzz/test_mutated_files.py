@@ -72,11 +72,10 @@ resource = pytest.importorskip("resource", reason="limits of a process are POSIX
 INPUTS = int(os.environ.get("LATENTMOTION_FUZZ", "6"))
 SEED = os.environ.get("LATENTMOTION_FUZZ_SEED", "13")
 
-SECONDS = 20.0
-"""Processor time of one file; all of these are small."""
+SECONDS = 20.0  # Processor time of one file; all of these are small.
 
+# Bytes that reading a file may take, however small it is, and for each of its bytes.
 MEMORY, FACTOR = 1 << 28, 1000
-"""Bytes that reading a file may take, however small it is, and for each of its bytes."""
 
 PIECES = [
     *(b"nan", b"inf", b"-1", b"0", b"1e999", b"1e-320", b"99999999999", b"null", b"[]", b"{}"),
@@ -243,8 +242,7 @@ def load_project(path: Path) -> None:
 
 
 USD = ("a.usda", "a.usdc", "a.usdz")
-SLOW = (*USD, "moves.plain")
-"""A process, or half a second, for each input."""
+SLOW = (*USD, "moves.plain")  # A process, or half a second, for each input.
 
 READERS: dict[str, Callable[[Path], object]] = {
     **dict.fromkeys(("a.bvh", "a.csv", "a.npz", "a.npy", "a.amass.npz", "a.vrma"), load_motions),

@@ -22,13 +22,13 @@ from latentmotion.kinematics.rotations import (
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Skeleton
 
 X, Y, Z = np.eye(3)
+# Two bones of 2 and 1 meters along x.
 ARM = Skeleton(
     "arm",
     ("shoulder", "elbow", "wrist"),
     (-1, 0, 1),
     np.array([[0.0, 0, 0], [2.0, 0, 0], [1.0, 0, 0]]),
 )
-"""Two bones of 2 and 1 meters along x."""
 
 
 @pytest.fixture

@@ -11,9 +11,9 @@ from pathlib import Path
 from latentmotion.language.claims import Claim
 from latentmotion.language.reading import request_of
 
-UNMEASURED = {"twist", "lift"}
-"""Kinds of claims that name nothing to be done by the whole body."""
+UNMEASURED = {"twist", "lift"}  # Kinds of claims that name nothing to be done by the whole body.
 
+# Kinds of claims by the names of the lists, where they differ.
 KINDS = {
     "walk_backward": {"walk", "move"}, "sidestep": {"walk", "move"}, "step": {"walk", "move"},
     "march": {"walk"}, "tiptoe": {"walk"}, "turn": {"turn", "circle"}, "run": {"run", "jog"},
@@ -22,7 +22,6 @@ KINDS = {
     "stand_still": {"stand"}, "one_leg": {"balance"}, "jumping_jack": {"jack"}, "reach": {"raise"},
     "walk": {"walk", "move"},
 }  # fmt: skip
-"""Kinds of claims by the names of the lists, where they differ."""
 
 
 def rows(name: str) -> list[list[str]]:

@@ -11,6 +11,7 @@ from latentmotion.measure.scene import describe
 from latentmotion.ranking.agreement import check, events_for, frames_for
 from tests.support import acted
 
+# Verdicts by motion and sentence, after "a person".
 VERDICTS = {
     "stand": {
         "agrees": ["stands still", "stays motionless", "does not move"],
@@ -151,7 +152,6 @@ VERDICTS = {
         "contradicts": ["walks forward, then waves"],
     },
 }
-"""Verdicts by motion and sentence, after "a person"."""
 
 ROWS = [
     (motion, sentence, verdict)

@@ -339,6 +339,7 @@ def test_bad_rigs_say_what_is_wrong(motion: Motion, tmp_path: Path):
             read_rig(tmp_path / name)
 
 
+# Feet hang on the root, where IK moves them, as in three.js' RobotExpressive.
 ROBOT = RigShape(
     {
         "Bone": (None, (0, 0, 0)),
@@ -368,7 +369,6 @@ ROBOT = RigShape(
     },
     along=(0, 1, 0),
 )
-"""Feet hang on the root, where IK moves them, as in three.js' RobotExpressive."""
 
 
 def test_feet_that_hang_on_the_root_go_with_their_legs(motion: Motion, tmp_path: Path):

@@ -14,8 +14,7 @@ from latentmotion import formats
 from latentmotion.motion import Motion
 from tests.support.walker import walker
 
-CANARIES = ("json", "numpy", "random", "resource")
-"""Modules that a worker imports early."""
+CANARIES = ("json", "numpy", "random", "resource")  # Modules that a worker imports early.
 
 
 @pytest.mark.parametrize("program", ["serve", "studio --no-browser --library library"])

@@ -22,9 +22,9 @@ CARDS = {
     path.parent.name: json.loads(path.read_text())["provenance"]
     for path in (*SHIPPED.glob("*/model.json"), *SHIPPED.glob("*/scorer.json"))
 }
-WEIGHTS = {"CC BY-SA 3.0 Unported": "CC-BY-SA-3.0"}
-"""SPDX's names of the licenses of weights."""
+WEIGHTS = {"CC BY-SA 3.0 Unported": "CC-BY-SA-3.0"}  # SPDX's names of the licenses of weights.
 
+# What the owners of data sets ask for, by the names in the cards.
 CREDITS = {
     "cmu": "obtained from mocap.cs.cmu.edu",
     "snu": "Movement Research Lab, Seoul National University",
@@ -35,7 +35,6 @@ CREDITS = {
     "animated": "Meta Platforms, Inc. (AnimatedDrawings)",
     "gestures": "gestures drawn on a recording of SNU's",
 }
-"""What the owners of data sets ask for, by the names in the cards."""
 
 TEXTS = {
     "LICENSE-Apache-2.0.txt": ("Version 2.0, January 2004", "END OF TERMS AND CONDITIONS"),

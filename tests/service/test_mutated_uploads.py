@@ -21,8 +21,7 @@ RETARGET = "/v1/retarget?source={0}&format={0}&prompt=a+person+walks&seconds=2&c
 PATHS = [CLEAN.format(name) for name in ("bvh", "csv", "npz")]
 PATHS += [CONVERT.format(name) for name in ("glb", "gltf", "npz")]
 PATHS += [RETARGET.format(name) for name in ("glb", "bvh")]
-MAY_FAIL = (503,)
-"""A worker took too long, or died of its limits; others take its place."""
+MAY_FAIL = (503,)  # A worker took too long, or died of its limits; others take its place.
 
 
 @pytest.mark.parametrize("path", PATHS)

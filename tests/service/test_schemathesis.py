@@ -18,8 +18,7 @@ schemathesis = pytest.importorskip("schemathesis")
 requests = pytest.importorskip("requests")
 
 CASES = int(os.environ.get("LATENTMOTION_SCHEMATHESIS", "60"))
-MAY_FAIL = (429, 503)
-"""The service is busy."""
+MAY_FAIL = (429, 503)  # The service is busy.
 
 
 @pytest.mark.filterwarnings("ignore")  # words that no model knows, and motions far from any floor

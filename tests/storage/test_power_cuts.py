@@ -26,8 +26,8 @@ from latentmotion.studio.library import Library
 from latentmotion.studio.projects import write as write_project
 from tests.support.walker import walker
 
+# Takes a file's path in the folder, and the content that is then promised; None for any.
 Acknowledge = Callable[[str, str | None], None]
-"""Takes a file's path in the folder, and the content that is then promised; None for any."""
 
 
 class PowerCutError(BaseException):

@@ -48,6 +48,7 @@ def whole(tmp_path: Path) -> dict[str, bytes]:
     return content(tmp_path / "whole")
 
 
+# Makes shards, but is killed before or after a rename, or half through a file.
 KILLED = """
 import os, signal, sys
 from pathlib import Path
@@ -82,7 +83,6 @@ from tests.storage.test_shards import work
 
 shards.make(work(), folder_at(sys.argv[1], create=True), shards.ShardSubset.parse(sys.argv[2]))
 """
-"""Makes shards, but is killed before or after a rename, or half through a file."""
 
 
 @pytest.mark.parametrize("shares", [("1/2", "2/2"), ("1/1", "1/1")])

@@ -19,8 +19,7 @@ from latentmotion.measure.scene import Measured, describe
 from latentmotion.measure.signals import JOINT
 
 FPS = 20
-STANDING = 0.88
-"""Height of the pelvis over stretched legs."""
+STANDING = 0.88  # Height of the pelvis over stretched legs.
 
 _REST = HUMANML3D.rest_joints()
 # An upright chest: with identity rotations the skeleton's shoulders hang beside the ribs.
@@ -29,8 +28,7 @@ for _side, _outward in ((LEFT, 1.0), (RIGHT, -1.0)):
     _REST[JOINT[f"{_side}_shoulder"]] = (0.195 * _outward, 0.49, 0.0)
 _REST[JOINT["head"]] = (0.0, 0.64, 0.05)
 _TRUNK = ("spine1", "spine2", "spine3", "neck", "head")
-_HANGING = (0.05, -0.5, 0.06)
-"""From the shoulder to a hand that hangs: outward, up, ahead."""
+_HANGING = (0.05, -0.5, 0.06)  # From the shoulder to a hand that hangs: outward, up, ahead.
 _SIGN = {LEFT: 1.0, RIGHT: -1.0}
 
 Curve = np.ndarray | float
@@ -45,24 +43,16 @@ class Body:
     """
 
     frames: int
-    ahead: Curve = 0.0
-    """Meters per second in the direction that the body faces."""
-    left: Curve = 0.0
-    """Meters per second to its left."""
-    heading: Curve = 0.0
-    """Degrees turned to the left since the first frame."""
-    height: Curve = STANDING
-    """Height of the pelvis."""
-    ground: Curve = 0.0
-    """Height of the floor under the feet."""
-    lean: Curve = 0.0
-    """Degrees by which the trunk leans forward."""
-    twist: Curve = 0.0
-    """Degrees by which the shoulders turn to the left of the hips."""
+    ahead: Curve = 0.0  # Meters per second in the direction that the body faces.
+    left: Curve = 0.0  # Meters per second to its left.
+    heading: Curve = 0.0  # Degrees turned to the left since the first frame.
+    height: Curve = STANDING  # Height of the pelvis.
+    ground: Curve = 0.0  # Height of the floor under the feet.
+    lean: Curve = 0.0  # Degrees by which the trunk leans forward.
+    twist: Curve = 0.0  # Degrees by which the shoulders turn to the left of the hips.
     hands: Mapping[str, Points] = field(default_factory=dict)
     feet: Mapping[str, Points] = field(default_factory=dict)
-    stoop: float = 0.0
-    """Degrees by which thighs and shins hang backward, as of a body that kneels."""
+    stoop: float = 0.0  # Degrees by which thighs and shins hang backward, as of a body that kneels.
 
     def joints(self) -> np.ndarray:
         """Returns the joint positions, (frames, 22, 3)."""
@@ -416,6 +406,7 @@ def pick_up(side: str = LEFT) -> np.ndarray:
     return Body(frames=len(part), height=STANDING - 0.3 * part, lean=75 * part, hands=both).joints()
 
 
+# By posture: height of the pelvis, lean, and where the feet are.
 _LOW: dict[str, tuple[float, float, tuple[float, float, float]]] = {
     "sit": (0.5, 5.0, (0.0, 0.0, 0.42)),
     "floor": (0.15, 5.0, (0.0, 0.0, 0.7)),
@@ -424,7 +415,6 @@ _LOW: dict[str, tuple[float, float, tuple[float, float, float]]] = {
     "crouch": (0.5, 30.0, (0.0, 0.0, 0.0)),
     "bend": (0.85, 70.0, (0.0, 0.0, 0.05)),
 }
-"""By posture: height of the pelvis, lean, and where the feet are."""
 
 
 def lowered(posture: str, seconds: float = 3.0) -> np.ndarray:
@@ -504,6 +494,7 @@ def elsewhere(joints: np.ndarray, degrees: float, x: float = 3.0, z: float = -7.
     return joints @ _turned(1, 1, degrees)[0].T + (x, 0, z)
 
 
+# Motions by what they do.
 MOTIONS: dict[str, Callable[[], np.ndarray]] = {
     "stand": stand,
     "walk": walk,
@@ -549,7 +540,6 @@ MOTIONS: dict[str, Callable[[], np.ndarray]] = {
     "walk, then sit down": lambda: in_sequence(walk(3), stand(1), lowered("sit")),
     "turn, then walk": lambda: in_sequence(turn_in_place(90), walk(3)),
 }
-"""Motions by what they do."""
 
 
 @cache

@@ -12,8 +12,7 @@ from latentmotion.kinematics.rotations import axis_angle_from_matrix
 from latentmotion.representation.smpl import SMPL_FEATURES
 from tests.support.walker import walker
 
-START = np.array([0.1, 0.2, 3.0])
-"""Where they stand in front of the camera, meters."""
+START = np.array([0.1, 0.2, 3.0])  # Where they stand in front of the camera, meters.
 
 
 def poses(frames: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

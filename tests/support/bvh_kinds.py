@@ -84,6 +84,7 @@ def _heap(frames: int) -> Animation:
     return posed(skeleton, world, animation.joints(), animation.fps)
 
 
+# Writers of files, each of one kind; the walk in them is `walk()`, in its own place.
 KINDS: Mapping[str, Callable[[Path], Path]] = MappingProxyType(
     {
         **{
@@ -108,4 +109,3 @@ KINDS: Mapping[str, Callable[[Path], Path]] = MappingProxyType(
         "of CMU": lambda path: for_engine(walk(), "cmu").save(path)[0],
     }
 )
-"""Writers of files, each of one kind; the walk in them is `walk()`, in its own place."""

@@ -14,8 +14,8 @@ from tests.support.moving_figures import write_moving_figures
 from tests.support.small_training import CONTEXT, small
 from tests.support.students import write_student
 
+# Writes a folder of a name with a function, unless another process of the run has written it.
 Once = Callable[[str, Callable[[Path], object]], Path]
-"""Writes a folder of a name with a function, unless another process of the run has written it."""
 
 
 @pytest.fixture(scope="session")

@@ -27,8 +27,8 @@ CMU_TEXTS = {
     "000001": "he waves left.#he/PRON#0.0#0.0\nhe stops.#he/PRON#1.0#1.5\n",
     "M000001": "he waves right.#he/PRON#0.0#0.0\n",
 }
+# What `write_annotations` writes of the trials 05_18, 06_01 and 07_01.
 CMU_FILES = CMU_ROWS, CMU_SPLITS, CMU_TEXTS
-"""What `write_annotations` writes of the trials 05_18, 06_01 and 07_01."""
 
 
 def swaying(frames: int, fps: float = 120.0, seed: int = 0) -> Animation:

@@ -23,6 +23,7 @@ from latentmotion.training.experiment import Experiment, preset_named, with_chan
 
 CONTEXT = DistributedContext(torch.device("cpu"), Ranks())
 
+# The starter, small enough to train in a second.
 CHANGES = {
     "vae.width": 16,
     "vae.channels": 4,
@@ -47,7 +48,6 @@ CHANGES = {
         }.items()
     },
 }
-"""The starter, small enough to train in a second."""
 
 
 @dataclass(frozen=True)

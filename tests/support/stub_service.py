@@ -45,8 +45,8 @@ def main() -> None:
     )
 
 
+# Starts it, as `benchmarks.harness.replicas` starts the service.
 COMMAND = (sys.executable, "-m", "tests.support.stub_service")
-"""Starts it, as `benchmarks.harness.replicas` starts the service."""
 
 if __name__ == "__main__":
     main()

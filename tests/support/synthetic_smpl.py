@@ -10,8 +10,8 @@ import numpy as np
 
 from latentmotion.kinematics.skeleton import BODY
 
+# Eight vertices around a joint, whose mean it is.
 CORNERS = 0.04 * np.array(list(product((-1, 1), repeat=3)))
-"""Eight vertices around a joint, whose mean it is."""
 
 
 def synthetic_arrays(seed: int = 0) -> dict[str, np.ndarray]:

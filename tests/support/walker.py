@@ -8,6 +8,7 @@ from latentmotion.kinematics.inverse_kinematics import solve
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 
+# Rotation vector of a joint at rest, and how far it swings.
 _SWINGS = {
     "left_shoulder": ((0, 0.3, -1.1), (0.2, 0.5, 0.2)),
     "right_shoulder": ((0, -0.3, 1.1), (-0.2, 0.5, 0.2)),
@@ -20,7 +21,6 @@ _SWINGS = {
     "spine3": ((0.1, 0, 0), (0, 0.3, 0.1)),
     "neck": ((0.1, 0, 0), (0.1, 0.2, 0)),
 }
-"""Rotation vector of a joint at rest, and how far it swings."""
 
 
 def t_pose() -> Animation:

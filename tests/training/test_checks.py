@@ -11,6 +11,7 @@ from latentmotion.measure.scene import describe
 from latentmotion.training.checking import ACTS, CONDITIONS, events_of, fulfills, validate
 from tests.support import acted
 
+# What each motion fulfills.
 HOLDS = {
     "stand": ["still(0.9)", "upright", "in_place(0.1)", "stand", "halt", "facing(5)", "step(0, 0)"],
     "walk": ["walk", "go(forward)", "travel(3)", "straight(20)", "move(forward, 3)", "step(8, 12)"],
@@ -54,8 +55,8 @@ HOLDS = {
     "walk, then sit down": ["walk > sit", "stand > sit"],
     "turn, then walk": ["turn(left, 60, 120) > walk", "faster(1.5)"],
 }
-"""What each motion fulfills."""
 
+# What each motion does not fulfill.
 FAILS = {
     "stand": ["walk", "travel(0.2)", "jump", "sit", "faster(1.1)", "stooped", "lift_feet(1, 9)"],
     "walk": ["run", "go(backward)", "turn(either, 30, 400)", "still(0.3)", "halt", "in_place(1)"],
@@ -84,7 +85,6 @@ FAILS = {
     "walk, then sit down": ["sit > walk", "walk > lie"],
     "turn, then walk": ["turn(right, 60, 120) > walk", "turn(left, 120, 200) > walk"],
 }
-"""What each motion does not fulfill."""
 
 
 def rows(checks: dict[str, list[str]]) -> list[tuple[str, str]]:

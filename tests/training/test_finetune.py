@@ -49,8 +49,7 @@ QUICK = [
 ]  # fmt: skip
 
 
-FILES = ("asked", "reworded")
-"""Trajectories of a student beside those for captions."""
+FILES = ("asked", "reworded")  # Trajectories of a student beside those for captions.
 
 
 @pytest.fixture(scope="module")

@@ -101,6 +101,7 @@ def test_an_interrupted_second_stage_goes_on_bit_for_bit(
     assert weights(tmp_path / "whole") == weights(tmp_path / "parts")
 
 
+# Trains, but is killed before a step or while it writes the snapshot of one.
 KILLED = """
 import os, signal, sys, torch
 from latentmotion.cli.main import main
@@ -122,7 +123,6 @@ def killed_save(state, path):
 loop.optimize, torch.save = killed_optimize, killed_save
 main(sys.argv[2:])
 """
-"""Trains, but is killed before a step or while it writes the snapshot of one."""
 
 
 def command(data: Path, folder: Path) -> list[str]:

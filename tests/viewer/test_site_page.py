@@ -27,6 +27,7 @@ if CHROMIUM is None:
 AXE = Path(__file__).parents[2] / "src/latentmotion/viewer/source/node_modules/axe-core/axe.min.js"
 PATIENCE = 120_000  # milliseconds; a busy machine is no fault of the page
 FLAGS = ("--no-sandbox", "--disable-3d-apis")  # figures drawn without WebGL cost little
+# What stands for `latentmotion.js`.
 MODEL = """
 export async function load(folder) {
   const kept = await caches.open("model");
@@ -46,8 +47,8 @@ export async function load(folder) {
   return { model, generate };
 }
 """
-"""What stands for `latentmotion.js`."""
 
+# Waits until the service worker hears of what the page asks for.
 CONTROLLED = """
 async () => {
   const { serviceWorker } = navigator;
@@ -55,7 +56,6 @@ async () => {
   await new Promise((found) => serviceWorker.addEventListener("controllerchange", found));
 }
 """
-"""Waits until the service worker hears of what the page asks for."""
 
 
 class Host(SimpleHTTPRequestHandler):

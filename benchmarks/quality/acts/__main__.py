@@ -42,32 +42,23 @@ from benchmarks.quality.own_clip.__main__ import lines_of
 from latentmotion import Motion, MotionPipeline
 from latentmotion.data.dataset import Dataset, items_of
 
-RECORDINGS = "recordings"
-"""In place of a model's name: training clips."""
+RECORDINGS = "recordings"  # In place of a model's name: training clips.
 
 
 @dataclass(frozen=True)
 class Draw:
     """Make motions, sheets and the key."""
 
-    model: Positional[str]
-    """Name or folder of a model, or `recordings`."""
-    out: Positional[Path]
-    """Folder for the sheets; the key is OUT.key.tsv beside it."""
-    data: Path = Path("data/starter.pack")
-    """Prepared folder or pack with the recordings."""
-    per_stratum: int | None = None
-    """Acts drawn at random of each stratum; by default all."""
-    prompts: int = 1
-    """Prompts drawn at random of each act."""
+    model: Positional[str]  # Name or folder of a model, or `recordings`.
+    out: Positional[Path]  # Folder for the sheets; the key is OUT.key.tsv beside it.
+    data: Path = Path("data/starter.pack")  # Prepared folder or pack with the recordings.
+    per_stratum: int | None = None  # Acts drawn at random of each stratum; by default all.
+    prompts: int = 1  # Prompts drawn at random of each act.
+    # Each prompt is made with each.
     seeds: Annotated[tuple[int, ...], tyro.conf.arg(aliases=["-s"])] = (0,)
-    """Each prompt is made with each."""
-    draw: int = 0
-    """Seed of what is drawn and of the order."""
-    best_of: int | None = None
-    """Takes of each motion; by default as many as the command makes."""
-    from_clips: bool | None = None
-    """Passed to the pipeline; by default its own choice."""
+    draw: int = 0  # Seed of what is drawn and of the order.
+    best_of: int | None = None  # Takes of each motion; by default as many as the command makes.
+    from_clips: bool | None = None  # Passed to the pipeline; by default its own choice.
 
     def run(self) -> None:
         """Writes all."""
@@ -127,12 +118,9 @@ class Draw:
 class Reveal:
     """Put a judge's names beside what was asked."""
 
-    key: Positional[Path]
-    """What `draw` wrote."""
-    names: Positional[Path]
-    """Columns number and named."""
-    verdicts: Positional[Path]
-    """File to write, whose column verdict the judge fills."""
+    key: Positional[Path]  # What `draw` wrote.
+    names: Positional[Path]  # Columns number and named.
+    verdicts: Positional[Path]  # File to write, whose column verdict the judge fills.
 
     def run(self) -> None:
         """Writes the table."""
@@ -149,8 +137,7 @@ class Reveal:
 class Table:
     """Print the verdicts by stratum."""
 
-    verdicts: Positional[tuple[Path, ...]]
-    """Files that `reveal` wrote and a judge filled."""
+    verdicts: Positional[tuple[Path, ...]]  # Files that `reveal` wrote and a judge filled.
 
     def run(self) -> None:
         """Prints."""
@@ -161,14 +148,10 @@ class Table:
 class Retrieve:
     """Print how far up clips of the act are that a prompt asks for."""
 
-    model: Positional[str] = "fast"
-    """Name or folder of a model."""
-    data: Path = Path("data/starter.pack")
-    """Prepared folder or pack with the clips."""
-    from_clips: bool = True
-    """Passed to the pipeline."""
-    seed: int = 0
-    """Seed of clips and noise."""
+    model: Positional[str] = "fast"  # Name or folder of a model.
+    data: Path = Path("data/starter.pack")  # Prepared folder or pack with the clips.
+    from_clips: bool = True  # Passed to the pipeline.
+    seed: int = 0  # Seed of clips and noise.
 
     def run(self) -> None:
         """Prints."""
@@ -185,8 +168,7 @@ class Retrieve:
 class Count:
     """Count clips and seconds of the acts anew."""
 
-    data: Positional[Path]
-    """Prepared folder or pack."""
+    data: Positional[Path]  # Prepared folder or pack.
 
     def run(self) -> None:
         """Updates the table."""

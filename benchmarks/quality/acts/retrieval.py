@@ -22,11 +22,10 @@ from latentmotion.data.dataset import Dataset, items_of
 from latentmotion.data.store import COMPOSED
 from latentmotion.progress import counted
 
-SHORTEST = 30
-"""Frames of the shortest clip."""
+SHORTEST = 30  # Frames of the shortest clip.
 
+# Clips of other acts, and most of the act's own, that a motion is compared with.
 OTHERS, OF_ACT = 240, 5
-"""Clips of other acts, and most of the act's own, that a motion is compared with."""
 
 
 def ranks(model: str, data: Path, seed: int = 0, from_clips: bool = True) -> dict[str, list[int]]:

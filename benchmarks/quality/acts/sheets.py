@@ -12,11 +12,9 @@ from latentmotion import Motion
 from latentmotion.render import painter, strip
 from latentmotion.storage.files import atomic_file
 
-PER_SHEET = 5
-"""Motions of a picture."""
+PER_SHEET = 5  # Motions of a picture.
 
-FIGURES, WIDTH = 12, 1560
-"""Figures of a motion, and the pixels that they take."""
+FIGURES, WIDTH = 12, 1560  # Figures of a motion, and the pixels that they take.
 
 _INK, _TRAIL, _GRID = (58, 64, 76), (88, 128, 196), (205, 211, 220)
 

@@ -14,30 +14,23 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.evaluation.instructions.benchmark import wilson
 from latentmotion.storage.files import atomic_file
 
-ACTS = Path(__file__).with_name("acts.tsv")
-"""The table that comes with the repository."""
+ACTS = Path(__file__).with_name("acts.tsv")  # The table that comes with the repository.
 
+# How many clips of the training split name an act: lowest and highest.
 STRATA = {"1 to 5 clips": (1, 5), "6 to 20 clips": (6, 20), "more": (21, 10**9)}
-"""How many clips of the training split name an act: lowest and highest."""
 
-PROMPTS = 5
-"""Prompts of an act."""
+PROMPTS = 5  # Prompts of an act.
 
 
 @dataclass(frozen=True)
 class Act:
     """An act that captions name."""
 
-    name: str
-    """Verb with object."""
-    clips: int
-    """Clips of the training split that a caption says it of."""
-    seconds: float
-    """Their length together, of what the captions describe."""
-    captions: str
-    """Regular expression that finds those captions, in small letters."""
-    prompts: tuple[str, ...]
-    """What users type who want it."""
+    name: str  # Verb with object.
+    clips: int  # Clips of the training split that a caption says it of.
+    seconds: float  # Their length together, of what the captions describe.
+    captions: str  # Regular expression that finds those captions, in small letters.
+    prompts: tuple[str, ...]  # What users type who want it.
 
     @property
     def stratum(self) -> str:

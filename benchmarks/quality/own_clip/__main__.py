@@ -32,38 +32,30 @@ from latentmotion.data.dataset import Dataset, items_of
 from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_file
 
+# Training clips that name the rarest content word: lowest and highest.
 STRATA = {"< 10": (0, 9), "10 to 50": (10, 50), "50 to 300": (51, 300), "more": (301, 10**9)}
-"""Training clips that name the rarest content word: lowest and highest."""
 
-SHORTEST = 30
-"""Frames of the shortest clip."""
+SHORTEST = 30  # Frames of the shortest clip.
 
+# Model, caption, seconds and seed to a motion.
 Source = Callable[[MotionPipeline, str, float, int], Motion]
-"""Model, caption, seconds and seed to a motion."""
 
 
 @dataclass(frozen=True)
 class OwnClip:
     """Settings."""
 
-    model: tyro.conf.Positional[str] = "fast"
-    """Name or folder of a model."""
-    data: Path = Path("data/starter.pack")
-    """Prepared folder or pack."""
-    clips: int = 240
-    """Clips of each split."""
-    splits: tuple[str, ...] = ("train", "test")
-    """Which splits."""
-    best_of: int = 1
-    """Takes, of which the best is asked with; 4 is what the command makes."""
-    from_clips: bool | None = None
-    """Passed to the pipeline; by default its own choice."""
+    model: tyro.conf.Positional[str] = "fast"  # Name or folder of a model.
+    data: Path = Path("data/starter.pack")  # Prepared folder or pack.
+    clips: int = 240  # Clips of each split.
+    splits: tuple[str, ...] = ("train", "test")  # Which splits.
+    best_of: int = 1  # Takes, of which the best is asked with; 4 is what the command makes.
+    from_clips: bool | None = None  # Passed to the pipeline; by default its own choice.
+    # MODULE:FUNCTION instead, from pipeline, caption, seconds and seed to a motion.
     source: str | None = None
-    """MODULE:FUNCTION instead, from pipeline, caption, seconds and seed to a motion."""
-    seed: int = 0
-    """Seed of clips and noise."""
+    seed: int = 0  # Seed of clips and noise.
+    # File for caption, stratum and rank of each motion.
     json: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """File for caption, stratum and rank of each motion."""
 
 
 @dataclass(frozen=True)

@@ -13,20 +13,16 @@ from torch import Tensor, nn
 
 from latentmotion.networks.text_encoder import pack
 
+# Frozen weights; `python -m benchmarks.quality.own_clip.train` wrote them.
 WEIGHTS = Path(__file__).with_name("tower.safetensors")
-"""Frozen weights; `python -m benchmarks.quality.own_clip.train` wrote them."""
 
-SCALE = ".scale"
-"""Ending of the names of scales."""
+SCALE = ".scale"  # Ending of the names of scales.
 
-CHANNELS = np.r_[0:67, 193:259]
-"""Root, positions and velocities among HumanML3D's 263 features."""
+CHANNELS = np.r_[0:67, 193:259]  # Root, positions and velocities among HumanML3D's 263 features.
 
-WIDTH = 192
-"""Width of the hidden layers and of the vector."""
+WIDTH = 192  # Width of the hidden layers and of the vector.
 
-LONGEST = 200
-"""Frames that are read of a longer motion."""
+LONGEST = 200  # Frames that are read of a longer motion.
 
 
 class Block(nn.Module):

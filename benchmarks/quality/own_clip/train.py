@@ -25,33 +25,25 @@ from benchmarks.quality.own_clip.tower import CHANNELS, LONGEST, WEIGHTS, WIDTH,
 from benchmarks.quality.own_clip.words import clips_naming, content_words, is_trained_on
 from latentmotion.data.dataset import Dataset, Item, items_of
 
-BUCKETS = 8192
-"""Rows of the table of words and pairs."""
+BUCKETS = 8192  # Rows of the table of words and pairs.
 
+# Batches that are drawn together and shared out by length, which then tells nothing apart.
 POOL = 8
-"""Batches that are drawn together and shared out by length, which then tells nothing apart."""
 
 
 @dataclass(frozen=True)
 class Train:
     """Settings."""
 
-    data: tyro.conf.Positional[Path]
-    """Prepared folder or pack."""
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = WEIGHTS
-    """Weights to write."""
-    steps: int = 1200
-    """Steps."""
-    batch: int = 128
-    """Clips a step."""
-    learning_rate: float = 2e-3
-    """Highest rate; it falls as a cosine."""
-    temperature: float = 0.1
-    """Of the contrast."""
-    seed: int = 32_001
-    """Of weights and draws."""
+    data: tyro.conf.Positional[Path]  # Prepared folder or pack.
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = WEIGHTS  # Weights to write.
+    steps: int = 1200  # Steps.
+    batch: int = 128  # Clips a step.
+    learning_rate: float = 2e-3  # Highest rate; it falls as a cosine.
+    temperature: float = 0.1  # Of the contrast.
+    seed: int = 32_001  # Of weights and draws.
+    # A clip of the rarest words is drawn this many times as often as one of the commonest.
     cap: float = 8.0
-    """A clip of the rarest words is drawn this many times as often as one of the commonest."""
 
 
 class Bag(nn.Module):

@@ -19,8 +19,8 @@ also there all both each other another one s t very just so whilst when where so
 n't they're perosn make makes making made way
 """
 
+# Words that name no act, manner, side or thing.
 FUNCTION_WORDS = frozenset(_FUNCTION_WORDS.split())
-"""Words that name no act, manner, side or thing."""
 
 
 def content_words(caption: str) -> list[str]:

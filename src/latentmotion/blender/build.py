@@ -9,11 +9,10 @@ from pathlib import Path
 
 from latentmotion.storage.files import atomic_file
 
-SOURCE = Path(__file__).parent / "latentmotion_blender"
-"""The folder that is packed."""
+SOURCE = Path(__file__).parent / "latentmotion_blender"  # The folder that is packed.
 
+# File in the zip that holds the path of the command that made it: the add-on tries it first.
 COMMAND = "command.txt"
-"""File in the zip that holds the path of the command that made it: the add-on tries it first."""
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 _ENDINGS = (".py", ".toml")

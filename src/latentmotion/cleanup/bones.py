@@ -20,8 +20,8 @@ from latentmotion.cleanup.leg_ik import keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.kinematics.skeleton import Skeleton
 
+# Batches of motions, each of a length of its own.
 Parts = Sequence[Float[np.ndarray, "_ _ joints 3"]]
-"""Batches of motions, each of a length of its own."""
 
 # Rounds of pulls.
 _ROUNDS = 10

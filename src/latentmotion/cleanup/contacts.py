@@ -22,11 +22,10 @@ from latentmotion.arrays import quantile
 from latentmotion.kinematics.skeleton import Skeleton
 
 Paths = Float[np.ndarray, "frames feet 3"]
-Interval = tuple[int, int]
-"""First frame of a contact, and the frame after its last."""
+Interval = tuple[int, int]  # First frame of a contact, and the frame after its last.
 
+# A foot, the first frame of a stance phase of it, and the frame after its last.
 Phase = tuple[int, int, int]
-"""A foot, the first frame of a stance phase of it, and the frame after its last."""
 
 # Meters per second: frames in which a foot is slower count most for where it stands.
 _SLOW = 0.1
@@ -43,14 +42,11 @@ _JUMP = (0.02, 0.8)
 class Contacts:
     """Thresholds of a standing foot. The first of a pair begins a contact, the second ends it."""
 
-    height: tuple[float, float] = (0.04, 0.06)
-    """Meters above the joint's standing height."""
+    height: tuple[float, float] = (0.04, 0.06)  # Meters above the joint's standing height.
+    # Horizontal meters per second. Generous: a foot that slides should stand.
     speed: tuple[float, float] = (0.5, 0.75)
-    """Horizontal meters per second. Generous: a foot that slides should stand."""
-    climb: tuple[float, float] = (0.35, 0.6)
-    """Vertical meters per second."""
-    shortest: float = 0.1
-    """Seconds: shorter contacts are dropped, shorter gaps closed."""
+    climb: tuple[float, float] = (0.35, 0.6)  # Vertical meters per second.
+    shortest: float = 0.1  # Seconds: shorter contacts are dropped, shorter gaps closed.
 
 
 def foot_contacts(
@@ -118,10 +114,8 @@ def contact_intervals(standing: Bool[np.ndarray, " frames"]) -> Iterator[Interva
 class FootStances:
     """When feet stand, and how surely."""
 
-    speed: Float[np.ndarray, "frames feet"]
-    """Sliding speed, meters per second."""
-    phases: tuple[Phase, ...]
-    """The stance phases, foot by foot, in order."""
+    speed: Float[np.ndarray, "frames feet"]  # Sliding speed, meters per second.
+    phases: tuple[Phase, ...]  # The stance phases, foot by foot, in order.
 
     @cached_property
     def at(self) -> tuple[Int[np.ndarray, " standing"], Int[np.ndarray, " standing"]]:

@@ -26,8 +26,7 @@ from latentmotion.representation.splicing import pose_descriptors, seam_of, spli
 
 Joints = Float[np.ndarray, "frames 22 3"]
 
-Pieces = list[tuple[int, int]]
-"""First and last frame of each piece of a motion, in their order."""
+Pieces = list[tuple[int, int]]  # First and last frame of each piece of a motion, in their order.
 
 # Largest count that is made.
 _MOST = 20

@@ -37,21 +37,19 @@ _ARM = ("shoulder", "elbow", "wrist")
 class Floor:
     """Settings of the floor's height."""
 
+    # Meters that standing feet may be off the floor, as they are in motion capture.
     tolerance: float = 0.03
-    """Meters that standing feet may be off the floor, as they are in motion capture."""
+    # Heights of the pelvis, meters, below which a body lies and above which it does not.
     lying: tuple[float, float] = (0.25, 0.4)
-    """Heights of the pelvis, meters, below which a body lies and above which it does not."""
+    # Meters that the lowest joint of a lying body may be above the floor, for its flesh.
     hover: float = 0.1
-    """Meters that the lowest joint of a lying body may be above the floor, for its flesh."""
+    # Meters that the lowest joint of another body may be above the floor: below the first it
+    # hovers, above the second it stands on something.
     step: tuple[float, float] = (0.12, 0.17)
-    """Meters that the lowest joint of another body may be above the floor: below the first it
-    hovers, above the second it stands on something."""
+    # Meters from which one who begins above the floor and ends on it comes down from something.
     above: float = 0.5
-    """Meters from which one who begins above the floor and ends on it comes down from something."""
-    longest_jump: float = 1.2
-    """Seconds that a body may be in the air."""
-    sink: float = 0.04
-    """Meters that feet may be below the floor for legs to lift them alone."""
+    longest_jump: float = 1.2  # Seconds that a body may be in the air.
+    sink: float = 0.04  # Meters that feet may be below the floor for legs to lift them alone.
 
 
 def align_floor(

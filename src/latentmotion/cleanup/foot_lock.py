@@ -55,28 +55,25 @@ _LOWERED = 0.98
 class FootLock:
     """Settings of foot locks."""
 
+    # Meters per second: a foot slower than the first for a quarter of its contact rests and is left
+    # alone; one faster than the second slides and is held.
     rest: tuple[float, float] = (0.045, 0.085)
-    """Meters per second: a foot slower than the first for a quarter of its contact rests and is
-    left alone; one faster than the second slides and is held."""
+    # Meters, root mean square: a resting foot that moves farther than this is held, too.
     far: tuple[float, float] = (0.02, 0.035)
-    """Meters, root mean square: a resting foot that moves farther than this is held, too."""
+    # Meters per second above which a foot that lands or takes off is not held.
     landing: float = 0.7
-    """Meters per second above which a foot that lands or takes off is not held."""
+    # Seconds in which a foot returns to its own path where no other contact follows soon.
     blend: float = 0.4
-    """Seconds in which a foot returns to its own path where no other contact follows soon."""
+    # Meters of sliding up to which a foot is held; beyond, it takes a small step.
     slip: float = 0.15
-    """Meters of sliding up to which a foot is held; beyond, it takes a small step."""
-    step: float = 0.03
-    """Height, meters, of that small step."""
-    clearance: float = 0.02
-    """Least height, meters, of foot joints that swing faster than 0.8 m/s."""
+    step: float = 0.03  # Height, meters, of that small step.
+    clearance: float = 0.02  # Least height, meters, of foot joints that swing faster than 0.8 m/s.
+    # a, the weight of keeping the body in place instead of moving it to hold planted feet.
     stay: float = 1.0
-    """a, the weight of keeping the body in place instead of moving it to hold planted feet."""
-    lower: float = 0.03
-    """Meters that the pelvis may come down where a leg is too short."""
+    lower: float = 0.03  # Meters that the pelvis may come down where a leg is too short.
+    # Shares of its full length: a leg stretches softly beyond the first and never beyond the
+    # second, unless it already did.
     stretch: tuple[float, float] = (0.92, 0.995)
-    """Shares of its full length: a leg stretches softly beyond the first and never beyond the
-    second, unless it already did."""
 
     def pause(self, fps: float) -> int:
         """Returns how many frames a step takes."""

@@ -30,10 +30,8 @@ class Leg:
     hip: int
     knee: int
     ankle: int
-    below: tuple[int, ...]
-    """Descendants of the ankle: heel, toes."""
-    pivots: tuple[int, ...]
-    """Joints that touch the floor, the one that holds longest last."""
+    below: tuple[int, ...]  # Descendants of the ankle: heel, toes.
+    pivots: tuple[int, ...]  # Joints that touch the floor, the one that holds longest last.
 
 
 @lru_cache(maxsize=16)

@@ -59,43 +59,30 @@ class CleanUp:
         InputError: The cutoff is not a positive number.
     """
 
+    # Repeat or leave out an act until it is done as often as the corrections say, which makes the
+    # motion shorter or longer.
     exact_count: bool = True
-    """Repeat or leave out an act until it is done as often as the corrections say, which makes the
-    motion shorter or longer."""
-    exact_turn: bool = True
-    """Turn by the degrees that the corrections say."""
-    sharpen: bool = True
-    """Give a generated motion back the quick movement that its decoder loses."""
-    settle: bool = True
-    """Let a generated motion come to rest where it idles and at its ends."""
-    smooth: bool = True
-    """Remove jitter."""
-    bones: bool = True
-    """Give every bone one length."""
-    floor: bool = True
-    """Put the figure on the floor."""
-    seats: bool = True
-    """Keep who sits on something at its height."""
-    feet: bool = True
-    """Lock feet that stand."""
-    in_place: bool = False
-    """Remove root motion along the floor, as game engines like it."""
+    exact_turn: bool = True  # Turn by the degrees that the corrections say.
+    sharpen: bool = True  # Give a generated motion back the quick movement that its decoder loses.
+    settle: bool = True  # Let a generated motion come to rest where it idles and at its ends.
+    smooth: bool = True  # Remove jitter.
+    bones: bool = True  # Give every bone one length.
+    floor: bool = True  # Put the figure on the floor.
+    seats: bool = True  # Keep who sits on something at its height.
+    feet: bool = True  # Lock feet that stand.
+    in_place: bool = False  # Remove root motion along the floor, as game engines like it.
+    # Hertz up to which movement is kept in a motion that shakes; above, it counts as jitter.
     cutoff: float = 5.0
-    """Hertz up to which movement is kept in a motion that shakes; above, it counts as jitter."""
-    contacts: Contacts = field(default_factory=Contacts)
-    """Thresholds of a standing foot."""
-    lock: FootLock = field(default_factory=FootLock)
-    """Settings of foot locks."""
-    ground: Floor = field(default_factory=Floor)
-    """Settings of the floor's height."""
+    contacts: Contacts = field(default_factory=Contacts)  # Thresholds of a standing foot.
+    lock: FootLock = field(default_factory=FootLock)  # Settings of foot locks.
+    ground: Floor = field(default_factory=Floor)  # Settings of the floor's height.
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.cutoff) and self.cutoff > 0):
             raise InputError(f"cutoff {self.cutoff}: expected hertz, a positive number such as 5")
 
 
-USUAL = CleanUp()
-"""The steps by default: all that do not move the motion as a whole."""
+USUAL = CleanUp()  # The steps by default: all that do not move the motion as a whole.
 
 
 def clean(
@@ -302,18 +289,12 @@ _MOVED, _OFF = 0.1, 0.05
 class Changes:
     """How a motion differs from what it was."""
 
-    lifted: float
-    """Meters by which the whole figure was lifted onto the floor, or lowered."""
-    mean: float
-    """Meters that a joint moved besides, on average."""
-    most: float
-    """Meters that a joint moved at most."""
-    path: float
-    """Length of the path along the floor, as a share of what it was, less 1."""
-    lowest: tuple[float, float]
-    """Height of the lowest joint before and after, meters."""
-    sliding: tuple[float, float]
-    """Mean speed of standing feet before and after, m/s."""
+    lifted: float  # Meters by which the whole figure was lifted onto the floor, or lowered.
+    mean: float  # Meters that a joint moved besides, on average.
+    most: float  # Meters that a joint moved at most.
+    path: float  # Length of the path along the floor, as a share of what it was, less 1.
+    lowest: tuple[float, float]  # Height of the lowest joint before and after, meters.
+    sliding: tuple[float, float]  # Mean speed of standing feet before and after, m/s.
 
     @classmethod
     def of(cls, before: Motion, after: Motion) -> Changes:

@@ -93,18 +93,13 @@ _MOST_INSTANTS, _SPACING = 12, 0.3
 class Direction:
     """Goals of one motion, checked: on the floor of the world, and along a straight line."""
 
-    skeleton: Skeleton
-    """Names the joints."""
-    fps: float
-    """Frames per second."""
-    frames: int
-    """Length of the motion."""
-    in_world: tuple[Directed, ...]
-    """Goals in the world, as they were given, without the path."""
-    curve: Curve | None = None
-    """The path, onto which the motion is bent."""
+    skeleton: Skeleton  # Names the joints.
+    fps: float  # Frames per second.
+    frames: int  # Length of the motion.
+    in_world: tuple[Directed, ...]  # Goals in the world, as they were given, without the path.
+    curve: Curve | None = None  # The path, onto which the motion is bent.
+    # When the pelvis has to be how far along the path: seconds and meters.
     along: tuple[tuple[float, float], ...] = ()
-    """When the pelvis has to be how far along the path: seconds and meters."""
 
     @property
     def goals(self) -> tuple[Directed, ...]:

@@ -45,8 +45,8 @@ from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
 Joints = Float[np.ndarray, "frames joints 3"]
+# Latents that are kept on either side of a gap; beyond some two the decoder hardly sees them.
 TOKENS = 8
-"""Latents that are kept on either side of a gap; beyond some two the decoder hardly sees them."""
 
 # Frames in which the offsets at a seam decay.
 _SEAM = 12
@@ -57,20 +57,16 @@ _WHOLE = 0.04
 # Frames from a seam in which such corrections come and go.
 _LIFTED = 5
 
-ON_THE_WAY = "a person walks"
-"""Prompt by default of the motion between two others."""
+ON_THE_WAY = "a person walks"  # Prompt by default of the motion between two others.
 
 
 @dataclass(frozen=True)
 class Gap:
     """The frames of a motion that are generated, and those around them that steer."""
 
-    start: int
-    """First frame of the gap."""
-    end: int
-    """The frame after its last."""
-    total: int
-    """Frames of the whole motion."""
+    start: int  # First frame of the gap.
+    end: int  # The frame after its last.
+    total: int  # Frames of the whole motion.
 
     @property
     def before(self) -> int:
@@ -501,10 +497,9 @@ def _aligned(
 class BodyPart:
     """A part of the body, by names of joints."""
 
+    # Those that move, from the body outward; their parents are known before them.
     joints: tuple[str, ...]
-    """Those that move, from the body outward; their parents are known before them."""
-    carried_by: tuple[str, ...]
-    """Those that say how the body is turned that carries it."""
+    carried_by: tuple[str, ...]  # Those that say how the body is turned that carries it.
 
 
 _CHEST = ("spine3", "neck", "left_shoulder", "right_shoulder", "left_collar", "right_collar")
@@ -521,6 +516,7 @@ def _side(side: str) -> dict[str, BodyPart]:
 
 _TRUNK = ("spine2", "spine3", "neck", "head", "left_collar", "right_collar")
 _SIDES = {**_side("left"), **_side("right")}
+# The parts that can be generated alone.
 PARTS: Mapping[str, BodyPart] = MappingProxyType(
     {
         **_SIDES,
@@ -536,7 +532,6 @@ PARTS: Mapping[str, BodyPart] = MappingProxyType(
         ),
     }
 )
-"""The parts that can be generated alone."""
 
 
 def parts_named(names: Sequence[str], skeleton: Skeleton) -> list[BodyPart]:

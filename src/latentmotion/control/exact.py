@@ -30,8 +30,7 @@ from latentmotion.representation.canonical import turn
 Joints = Float[np.ndarray, "frames joints 3"]
 Offsets = Float[np.ndarray, "frames 3"]
 
-BLEND = 0.5
-"""Seconds in which an offset comes and goes."""
+BLEND = 0.5  # Seconds in which an offset comes and goes.
 
 # Share of the time of an offset in which its rate decays: over all of it, a leg that swings at a
 # seam swung on through the floor.

@@ -170,28 +170,18 @@ def fit_motion(
 class Capture:
     """A whole recording in the model's frames and size."""
 
+    # Meters, or what a camera of focal length 1 sees.
     points: Float[np.ndarray, "observed keypoints coordinates"]
-    """Meters, or what a camera of focal length 1 sees."""
-    weights: Float[np.ndarray, "observed keypoints"]
-    """Weight of each."""
-    positions: Float[np.ndarray, " observed"]
-    """When each was observed, in frames of the motion."""
-    names: tuple[str, ...]
-    """Of the keypoints."""
-    frames: int
-    """Length of the motion."""
-    scale: float
-    """Size of the model's body beside the person's."""
-    noise: float
-    """Deviation of what was observed, meters in the model's size."""
-    depth: Float[np.ndarray, " observed"] | None = None
-    """Meters from the camera, roughly."""
-    focal: float | None = None
-    """Focal length of the camera, pixels."""
-    pitch: float | None = None
-    """Tilt of the camera, radians, once it is known."""
-    floor: float | None = None
-    """Height of the floor, meters, once it is known."""
+    weights: Float[np.ndarray, "observed keypoints"]  # Weight of each.
+    positions: Float[np.ndarray, " observed"]  # When each was observed, in frames of the motion.
+    names: tuple[str, ...]  # Of the keypoints.
+    frames: int  # Length of the motion.
+    scale: float  # Size of the model's body beside the person's.
+    noise: float  # Deviation of what was observed, meters in the model's size.
+    depth: Float[np.ndarray, " observed"] | None = None  # Meters from the camera, roughly.
+    focal: float | None = None  # Focal length of the camera, pixels.
+    pitch: float | None = None  # Tilt of the camera, radians, once it is known.
+    floor: float | None = None  # Height of the floor, meters, once it is known.
 
     @classmethod
     def of(cls, keypoints: Keypoints, fps: float, noise: float | None) -> Capture:
@@ -643,18 +633,14 @@ _NEAREST = 0.3
 class Observation:
     """Keypoints of one person in some frames of a motion."""
 
+    # Meters; or what a camera of focal length 1 sees, right and down. 0 where not seen.
     points: Float[np.ndarray, "observed keypoints coordinates"]
-    """Meters; or what a camera of focal length 1 sees, right and down. 0 where not seen."""
-    weights: Float[np.ndarray, "observed keypoints"]
-    """Weight of each; 0 where it was not seen."""
-    positions: Float[np.ndarray, " observed"]
-    """When each was observed, in frames of the motion."""
-    joints: Float[np.ndarray, "keypoints joints"]
-    """Each keypoint as a weighted sum of joints."""
-    frames: int
-    """Length of the motion."""
+    weights: Float[np.ndarray, "observed keypoints"]  # Weight of each; 0 where it was not seen.
+    positions: Float[np.ndarray, " observed"]  # When each was observed, in frames of the motion.
+    joints: Float[np.ndarray, "keypoints joints"]  # Each keypoint as a weighted sum of joints.
+    frames: int  # Length of the motion.
+    # Meters from the camera, roughly, where the points are flat.
     depth: Float[np.ndarray, " observed"] | None = None
-    """Meters from the camera, roughly, where the points are flat."""
 
     @cached_property
     def times(self) -> Float[np.ndarray, "observed frames"]:

@@ -22,11 +22,11 @@ from latentmotion.model.card import ModelCard
 from latentmotion.model.config import STRIDE, Sampling
 from latentmotion.representation.interface import Representation
 
+# Samples latents with some known ones: the latents, which are known, and a seed.
 SampleKnown = Callable[
     [Float[np.ndarray, "tokens width"], Bool[np.ndarray, " tokens"], int],
     Float[np.ndarray, "tokens width"],
 ]
-"""Samples latents with some known ones: the latents, which are known, and a seed."""
 
 
 @runtime_checkable

@@ -24,8 +24,7 @@ from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
-FASTEST = 8.0
-"""Meters per second that a person can run."""
+FASTEST = 8.0  # Meters per second that a person can run.
 
 # Height of the pelvis, meters, that a standing body does not exceed.
 _STANDING = 1.1
@@ -125,22 +124,18 @@ class Pose:
 
 
 Goal = Reach | Heading | LookAt | RootPath | Pose
+# A goal that clean-up may move, so that it is met once more after it.
 Directed = Reach | Heading | LookAt | Pose
-"""A goal that clean-up may move, so that it is met once more after it."""
 
 
 @dataclass(frozen=True)
 class HandPoint:
     """A point of a hand."""
 
-    name: str
-    """Such as `right_hand`."""
-    elbow: int
-    """Joint where the forearm begins."""
-    wrist: int
-    """Joint where it ends."""
-    beyond: float
-    """Meters from the wrist to the point."""
+    name: str  # Such as `right_hand`.
+    elbow: int  # Joint where the forearm begins.
+    wrist: int  # Joint where it ends.
+    beyond: float  # Meters from the wrist to the point.
 
 
 @lru_cache(maxsize=16)
@@ -170,19 +165,16 @@ def with_hands(
 class Targets:
     """Goals as arrays: coordinates of joints in frames, and headings."""
 
-    frames: Int[np.ndarray, " points"]
-    """Frame of each point."""
+    frames: Int[np.ndarray, " points"]  # Frame of each point.
+    # Its joint; numbers beyond the skeleton's are points of hands.
     joints: Int[np.ndarray, " points"]
-    """Its joint; numbers beyond the skeleton's are points of hands."""
+    # Where it should be, meters; NaN leaves a coordinate free.
     places: Float[np.ndarray, "points 3"]
-    """Where it should be, meters; NaN leaves a coordinate free."""
-    turned: Int[np.ndarray, " headings"]
-    """Frames in which the heading is given."""
-    headings: Float[np.ndarray, " headings"]
-    """Radians from +z toward +x."""
+    turned: Int[np.ndarray, " headings"]  # Frames in which the heading is given.
+    headings: Float[np.ndarray, " headings"]  # Radians from +z toward +x.
+    # Joint from which a place counts, in the body's directions; -1 for places in the world, which
+    # by default all are.
     origins: Int[np.ndarray, " points"] | None = None
-    """Joint from which a place counts, in the body's directions; -1 for places in the world, which
-    by default all are."""
 
     @property
     def fixed(self) -> Bool[np.ndarray, "points 3"]:

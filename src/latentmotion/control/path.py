@@ -33,14 +33,11 @@ _ROUND = 0.15
 class Curve:
     """A curve on the floor by its length, straight beyond both ends."""
 
-    along: Float[np.ndarray, " points"]
-    """Meters from its start."""
-    places: Float[np.ndarray, "points 2"]
-    """x and z there."""
-    directions: Float[np.ndarray, " points"]
-    """Radians from +z toward +x there, without jumps."""
+    along: Float[np.ndarray, " points"]  # Meters from its start.
+    places: Float[np.ndarray, "points 2"]  # x and z there.
+    directions: Float[np.ndarray, " points"]  # Radians from +z toward +x there, without jumps.
+    # Meters from its start at which it passes the points that it was made from.
     marks: Float[np.ndarray, " marks"]
-    """Meters from its start at which it passes the points that it was made from."""
 
     @classmethod
     def through(cls, path: RootPath) -> Curve:

@@ -38,9 +38,8 @@ from latentmotion.representation.interface import Representation, Scale
 Latents = Float[np.ndarray, "tokens width"]
 Joints = Float[np.ndarray, "frames joints 3"]
 
+# Samples latents for so many frames, its estimates of the clean latents corrected by a function.
 Sample = Callable[[int, Callable[[np.ndarray], np.ndarray]], Float[np.ndarray, "tokens width"]]
-"""Samples latents for so many frames, its estimates of the clean latents corrected by a function.
-"""
 
 # Most halvings of a step that brings joints no nearer to their goals.
 _HALVINGS = 4
@@ -69,14 +68,10 @@ class DecodedMotion:
 
     decoder: Callable[..., np.ndarray]
     pullback: Callable[..., np.ndarray]
-    latents: Scale
-    """Scale in which the denoiser sees latents."""
-    features: Scale
-    """Scale in which the networks see features."""
-    representation: Representation
-    """Layout of the features: HumanML3D's or KIT's."""
-    frames: int
-    """Length of the motion."""
+    latents: Scale  # Scale in which the denoiser sees latents.
+    features: Scale  # Scale in which the networks see features.
+    representation: Representation  # Layout of the features: HumanML3D's or KIT's.
+    frames: int  # Length of the motion.
 
     def __post_init__(self) -> None:
         joint_features(self.representation)
@@ -133,18 +128,14 @@ class DecodedMotion:
 class ReachSettings:
     """Step sizes and number of steps by which latents are moved."""
 
-    updates: int = 5
-    """Steps of Gauss-Newton at most."""
-    tolerance: float = 2e-4
-    """Meters of the worst coordinate at which it is done."""
-    damping: float = 1e-4
-    """λ, as a share of the mean of J Jᵀ's diagonal."""
-    cap: float = 0.5
-    """Root mean square, in the denoiser's scale, of one step at most."""
+    updates: int = 5  # Steps of Gauss-Newton at most.
+    tolerance: float = 2e-4  # Meters of the worst coordinate at which it is done.
+    damping: float = 1e-4  # λ, as a share of the mean of J Jᵀ's diagonal.
+    cap: float = 0.5  # Root mean square, in the denoiser's scale, of one step at most.
+    # Share of what was missing that may be left after a step for its Jacobian to serve again.
     keeps: float = 0.3
-    """Share of what was missing that may be left after a step for its Jacobian to serve again."""
+    # Halve a step that brings joints no nearer. Without, the last step needs no decoding.
     checked: bool = True
-    """Halve a step that brings joints no nearer. Without, the last step needs no decoding."""
 
 
 def reach(
@@ -216,10 +207,9 @@ class CorrectedDenoiser:
     state of every sampler is then α z_0 + σ ε there, with the noise that sampling began with.
     """
 
-    denoiser: ParametrizedDenoiser
-    """The network with its guidance."""
+    denoiser: ParametrizedDenoiser  # The network with its guidance.
+    # Clean latents to corrected ones.
     correct: Callable[[Float[np.ndarray, "batch tokens width"]], Any]
-    """Clean latents to corrected ones."""
 
     def __call__(self, z: Any, t: float, condition: Conditioning, mask: Mask) -> Estimates:
         """Returns the corrected latents, and the noise that is left."""
@@ -233,12 +223,10 @@ class Correction:
     """What is done to clean latents: known tokens are put in, others moved toward the goals."""
 
     motion: DecodedMotion
-    residual: Residual | None = None
-    """Residuals of the goals; None without goals."""
+    residual: Residual | None = None  # Residuals of the goals; None without goals.
+    # Latents in the denoiser's scale; those that are not known are not read.
     known: Latents | None = None
-    """Latents in the denoiser's scale; those that are not known are not read."""
-    is_known: Bool[np.ndarray, " tokens"] | None = None
-    """True on known tokens."""
+    is_known: Bool[np.ndarray, " tokens"] | None = None  # True on known tokens.
     settings: ReachSettings = field(default_factory=ReachSettings)
 
     def __call__(

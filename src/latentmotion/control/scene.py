@@ -23,65 +23,49 @@ from latentmotion.motion import Motion
 from latentmotion.storage.configuration import read_json
 from latentmotion.storage.limits import MOST_GOALS, MOST_SPANS
 
-FORMAT = 1
-"""Version of scene files that this code reads."""
+FORMAT = 1  # Version of scene files that this code reads.
 
-SCHEMA_FILE = Path(__file__).with_name("scene.schema.json")
-"""JSON Schema of scene files."""
+SCHEMA_FILE = Path(__file__).with_name("scene.schema.json")  # JSON Schema of scene files.
 
 
 @dataclass(frozen=True)
 class ScenePath:
     """The path of the pelvis."""
 
-    points: tuple[tuple[float, float], ...]
-    """x and z of each point, meters."""
+    points: tuple[tuple[float, float], ...]  # x and z of each point, meters.
+    # Seconds at which each is passed; by default the whole path takes the whole motion.
     at: tuple[float, ...] | None = None
-    """Seconds at which each is passed; by default the whole path takes the whole motion."""
+    # In place of times: meters per second, one number or one for each point.
     pace: tuple[float, ...] | None = None
-    """In place of times: meters per second, one number or one for each point."""
 
 
 @dataclass(frozen=True)
 class ScenePose:
     """All joints are where they are in a frame of a motion file."""
 
-    at: float
-    """Seconds."""
-    file: str
-    """The motion file, from the scene's folder."""
-    frame: int = 0
-    """Its frame; a negative one counts from the end."""
+    at: float  # Seconds.
+    file: str  # The motion file, from the scene's folder.
+    frame: int = 0  # Its frame; a negative one counts from the end.
 
 
 @dataclass(frozen=True)
 class Scene:
     """A prompt with goals, or a timeline of prompts."""
 
-    format: int
-    """Version of the file: 1."""
-    prompt: str = ""
-    """What the person does."""
-    seconds: float | None = None
-    """Length of the motion; by default as the model predicts it."""
-    seed: int | None = None
-    """Seed of the noise; by default 0."""
-    path: ScenePath | None = None
-    """The path of the pelvis."""
-    goals: tuple[Reach, ...] = ()
-    """Places of joints."""
-    headings: tuple[Heading, ...] = ()
-    """Directions of the body."""
-    looks: tuple[LookAt, ...] = ()
-    """Points that the eyes look at."""
-    poses: tuple[ScenePose, ...] = ()
-    """Whole poses."""
+    format: int  # Version of the file: 1.
+    prompt: str = ""  # What the person does.
+    seconds: float | None = None  # Length of the motion; by default as the model predicts it.
+    seed: int | None = None  # Seed of the noise; by default 0.
+    path: ScenePath | None = None  # The path of the pelvis.
+    goals: tuple[Reach, ...] = ()  # Places of joints.
+    headings: tuple[Heading, ...] = ()  # Directions of the body.
+    looks: tuple[LookAt, ...] = ()  # Points that the eyes look at.
+    poses: tuple[ScenePose, ...] = ()  # Whole poses.
+    # Prompts one after the other, in place of prompt, seconds and goals.
     timeline: tuple[Span, ...] = ()
-    """Prompts one after the other, in place of prompt, seconds and goals."""
-    timeline_parts: tuple[PartSpan, ...] = ()
-    """What parts of the body do during the timeline."""
+    timeline_parts: tuple[PartSpan, ...] = ()  # What parts of the body do during the timeline.
+    # Whether it is a seamless cycle: the last frame is the first, farther along its path.
     loop: bool = False
-    """Whether it is a seamless cycle: the last frame is the first, farther along its path."""
 
     def all_goals(self, folder: Path) -> list[Goal]:
         """Returns the goals for `MotionPipeline`, poses read.

@@ -31,6 +31,7 @@ from latentmotion.kinematics.skeleton import joints_of_bones
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
+# Sentence of each state that needs none, and whether it is a loop.
 KNOWN = {
     "idle": ("a person stands still", True),
     "walk": ("a person walks forward", True),
@@ -44,7 +45,6 @@ KNOWN = {
     "kick": ("a person kicks with the right foot", False),
     "punch": ("a person punches with the right hand", False),
 }
-"""Sentence of each state that needs none, and whether it is a loop."""
 
 # Steps of each foot in a loop that travels.
 _CYCLES = 2
@@ -66,16 +66,13 @@ _FASTER = 1.25
 class State:
     """A clip of a state machine."""
 
-    name: str
-    """Name of the clip."""
-    prompt: str
-    """What the person does."""
-    loops: bool = False
-    """Whether it is a loop."""
+    name: str  # Name of the clip.
+    prompt: str  # What the person does.
+    loops: bool = False  # Whether it is a loop.
+    # Meters per second of a loop that travels; by default as it is generated.
     speed: float | None = None
-    """Meters per second of a loop that travels; by default as it is generated."""
+    # By how much a single move turns, positive to the left; by default as it is generated.
     degrees: float | None = None
-    """By how much a single move turns, positive to the left; by default as it is generated."""
 
 
 @runtime_checkable

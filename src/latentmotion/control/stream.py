@@ -32,11 +32,10 @@ from latentmotion.representation.interface import Representation
 
 Latents = Float[np.ndarray, "tokens width"]
 
-KNOWN, CALL = 5, 15
-"""Tokens of a call that are known from the call before, and all of them."""
+KNOWN, CALL = 5, 15  # Tokens of a call that are known from the call before, and all of them.
 
+# Tokens that frames wait for, 0.4 s: with fewer, frames shake where they are joined.
 LOOK_AHEAD = 2
-"""Tokens that frames wait for, 0.4 s: with fewer, frames shake where they are joined."""
 
 # Tokens that are sampled again where a loop is joined.
 _SEAM = 6
@@ -150,16 +149,11 @@ def decode_in_windows(
 class StreamState:
     """All that a stream remembers between two calls."""
 
-    latents: Latents
-    """The last ones, as far back as frames depend on them."""
-    emitted: int
-    """Number of these that have become frames."""
-    yaw: float
-    """Heading at which the next frame begins, radians."""
-    place: tuple[float, float]
-    """x and z of the pelvis there, meters."""
-    calls: int
-    """Number of times that tokens have been sampled."""
+    latents: Latents  # The last ones, as far back as frames depend on them.
+    emitted: int  # Number of these that have become frames.
+    yaw: float  # Heading at which the next frame begins, radians.
+    place: tuple[float, float]  # x and z of the pelvis there, meters.
+    calls: int  # Number of times that tokens have been sampled.
 
     @classmethod
     def start(cls, width: int) -> StreamState:
@@ -236,13 +230,11 @@ class MotionStream:
     Closing it, or leaving its `with`, changes nothing: it has no thread and holds no file.
     """
 
-    prompt: str
-    """What the person does; `say` changes it."""
+    prompt: str  # What the person does; `say` changes it.
     seed: int
-    state: StreamState
-    """All that it remembers; set it to go back, or on from a file."""
+    state: StreamState  # All that it remembers; set it to go back, or on from a file.
+    # State, prompt and seed to frames and the state after them.
     advance: Callable[[StreamState, str, int], tuple[Float[np.ndarray, "_ joints 3"], StreamState]]
-    """State, prompt and seed to frames and the state after them."""
     space: Representation
 
     def __iter__(self) -> Iterator[Motion]:

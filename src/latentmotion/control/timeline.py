@@ -32,8 +32,7 @@ from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.model.config import STRIDE
 from latentmotion.motion import Motion
 
-LONGEST = 600.0
-"""Most seconds of a timeline; a stream has no end."""
+LONGEST = 600.0  # Most seconds of a timeline; a stream has no end.
 
 # Seconds in which a part of the body goes over to another motion.
 _SEAM = 0.6
@@ -47,10 +46,8 @@ class Span:
         InputError: The length is no positive number.
     """
 
-    prompt: str
-    """What the person does."""
-    seconds: float | None = None
-    """Length of the span; by default as predicted from the prompt."""
+    prompt: str  # What the person does.
+    seconds: float | None = None  # Length of the span; by default as predicted from the prompt.
 
     def __post_init__(self) -> None:
         if self.seconds is not None and not 0 < self.seconds < np.inf:
@@ -67,14 +64,10 @@ class PartSpan:
         InputError: The times are not ascending, or the first is before the motion.
     """
 
-    part: str
-    """Name of the part, such as `right_arm`, `arms` or `legs`."""
-    prompt: str
-    """What the person does, of which the part is taken."""
-    start: float
-    """Seconds."""
-    end: float
-    """Seconds."""
+    part: str  # Name of the part, such as `right_arm`, `arms` or `legs`.
+    prompt: str  # What the person does, of which the part is taken.
+    start: float  # Seconds.
+    end: float  # Seconds.
 
     def __post_init__(self) -> None:
         if not 0 <= self.start < self.end < np.inf:

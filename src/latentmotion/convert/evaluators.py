@@ -42,8 +42,8 @@ from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.array_files import read_array
 from latentmotion.storage.files import check_replaceable, sha256
 
+# Weights by which the action classifiers are recognized.
 GRU_WEIGHT, GRAPH_WEIGHT = "recurrent.weight_ih_l0", "st_gcn_networks.0.gcn.conv.weight"
-"""Weights by which the action classifiers are recognized."""
 
 # The networks, by their names in finest.tar and in MLD's checkpoints.
 _PARTS = {
@@ -63,12 +63,10 @@ _KNOWN = {263: ("humanml3d", "t2m"), 251: ("kit", "kit")}
 class EvaluatorFiles:
     """The files of an official evaluator."""
 
-    checkpoint: Path
-    """`text_mot_match/model/finest.tar`, or a checkpoint of MLD's code."""
+    checkpoint: Path  # `text_mot_match/model/finest.tar`, or a checkpoint of MLD's code.
+    # Folder with mean.npy and std.npy (`Comp_v6_KLD01/meta`), or t2m_mean.npy and so on.
     statistics: Path
-    """Folder with mean.npy and std.npy (`Comp_v6_KLD01/meta`), or t2m_mean.npy and so on."""
-    glove: Path
-    """Folder with our_vab_data.npy, our_vab_words.pkl and our_vab_idx.pkl."""
+    glove: Path  # Folder with our_vab_data.npy, our_vab_words.pkl and our_vab_idx.pkl.
 
 
 def convert_evaluator(files: EvaluatorFiles, output: str | Path) -> TextMotionCard:

@@ -34,8 +34,8 @@ _TEXT_ENCODER = "openai/clip-vit-base-patch32"
 # Shortest and longest motions that the models of sentences were trained on.
 _FRAMES = (40, 196)
 
+# Networks that a file may hold beside the denoiser, by the first part of their weights' names.
 OTHERS = ("clip_model", "rot2xyz")
-"""Networks that a file may hold beside the denoiser, by the first part of their weights' names."""
 
 _STACK = "seqTransEncoder."
 

@@ -57,35 +57,30 @@ _REPRESENTATIONS = {263: "humanml3d", 251: "kit", 150: "smpl"}
 class Unstated:
     """Settings that shapes do not determine; the defaults are the authors'."""
 
-    heads: int = 4
-    """Attention heads."""
-    dropout: float = 0.1
-    """Dropout rate of further training."""
-    activation: Literal["gelu", "relu"] = "gelu"
-    """Activation of the VAE's feed-forward layers."""
+    heads: int = 4  # Attention heads.
+    dropout: float = 0.1  # Dropout rate of further training.
+    activation: Literal["gelu", "relu"] = "gelu"  # Activation of the VAE's feed-forward layers.
+    # Whether the VAE's layers normalize after or before their sublayers.
     norm: Literal["post", "pre"] = "post"
-    """Whether the VAE's layers normalize after or before their sublayers."""
+    # Activation between the text's embedding and its projection; by default ReLU as in MLD, and
+    # none if the denoiser projects its latents, as in MotionLCM.
     text_activation: Literal["relu", "none"] | None = None
-    """Activation between the text's embedding and its projection; by default ReLU as in MLD, and
-    none if the denoiser projects its latents, as in MotionLCM."""
 
 
 @dataclass(frozen=True)
 class Origin:
     """Facts about a checkpoint that it does not state and the user knows."""
 
+    # Mean and standard deviation of each feature, as its data set publishes them.
     normalizer: tuple[np.ndarray, np.ndarray] | None = None
-    """Mean and standard deviation of each feature, as its data set publishes them."""
-    unstated: Unstated = field(default_factory=Unstated)
-    """Settings that shapes do not determine."""
+    unstated: Unstated = field(default_factory=Unstated)  # Settings that shapes do not determine.
+    # Quantity that the denoiser was trained to predict.
     predicts: Literal["epsilon", "sample"] = "epsilon"
-    """Quantity that the denoiser was trained to predict."""
+    # Text encoder that it was trained with; by default MLD's or MotionLCM's.
     text_encoder: str | None = None
-    """Text encoder that it was trained with; by default MLD's or MotionLCM's."""
+    # Names of the actions, in order; by default HumanAct12's for its twelve, else numbers.
     labels: tuple[str, ...] = ()
-    """Names of the actions, in order; by default HumanAct12's for its twelve, else numbers."""
-    diffusion_steps: int = 1000
-    """Steps of MDM's diffusion: 1,000, or 50 in its fast form."""
+    diffusion_steps: int = 1000  # Steps of MDM's diffusion: 1,000, or 50 in its fast form.
 
 
 def latent_model(

@@ -34,23 +34,23 @@ from latentmotion.networks.transformer import LEARNED_LENGTH, sine_rate, sines
 from latentmotion.storage.array_files import check_members
 from latentmotion.storage.pickles import PYTHON_2, ForbiddenName, RestrictedUnpickler
 
+# Networks that are converted, by the first part of their weights' names; all others are not.
 PARTS = ("vae", "denoiser")
-"""Networks that are converted, by the first part of their weights' names; all others are not."""
 
+# Prefixes of names that become a `Placeholder`.
 KNOWN_PACKAGES = (
     *("omegaconf.", "antlr4.", "pytorch_lightning.", "lightning.", "lightning_fabric."),
     *("torchmetrics.", "mld.", "typing.", "pathlib.", "collections.", "enum.", "torch.optim."),
     *("numpy.core.multiarray.", "numpy._core.multiarray."),
 )
-"""Prefixes of names that become a `Placeholder`."""
 
+# Further names that become a `Placeholder`.
 KNOWN = {
     *(f"builtins.{kind.__name__}" for kind in (dict, list, set, frozenset, tuple, object)),
     *(f"builtins.{kind.__name__}" for kind in (int, float, str, bool, complex, bytes)),
     *("numpy.ndarray", "numpy.dtype", "torch.Size", "torch.device"),
     *("builtins.long", "builtins.unicode", "_codecs.encode", "copyreg._reconstructor"),
 }
-"""Further names that become a `Placeholder`."""
 
 _STORAGES = {
     "FloatStorage": torch.float32,

@@ -36,40 +36,29 @@ class Source:
 class Caption:
     """One sentence about a clip, or about a part of it."""
 
-    text: str
-    """The sentence."""
-    start_frame: int
-    """First frame that it describes."""
-    end_frame: int
-    """One past the last frame that it describes."""
+    text: str  # The sentence.
+    start_frame: int  # First frame that it describes.
+    end_frame: int  # One past the last frame that it describes.
+    # HumanML3D's `word/POS` tokens, separated by spaces; empty where there are none.
     tokens: str = ""
-    """HumanML3D's `word/POS` tokens, separated by spaces; empty where there are none."""
 
 
 @dataclass(frozen=True)
 class Clip:
     """One motion of a prepared folder; `Dataset.features` gives its frames."""
 
-    id: str
-    """Unique name; a mirrored copy has `M` before the name of the clip it was made from."""
-    source: str
-    """Name of its source."""
-    split: Split
-    """Its split."""
+    id: str  # Unique name; a mirrored copy has `M` before the name of the clip it was made from.
+    source: str  # Name of its source.
+    split: Split  # Its split.
+    # Sentences, already mirrored in a mirrored copy; none if there are none.
     captions: tuple[Caption, ...]
-    """Sentences, already mirrored in a mirrored copy; none if there are none."""
-    action: str | None
-    """Action label, already mirrored in a mirrored copy."""
-    mirrored: bool
-    """Whether left and right are swapped."""
-    frames: int
-    """Number of feature frames."""
-    origin: str = ""
-    """The recording and, where it is a part, the frames at the data set's rate."""
+    action: str | None  # Action label, already mirrored in a mirrored copy.
+    mirrored: bool  # Whether left and right are swapped.
+    frames: int  # Number of feature frames.
+    origin: str = ""  # The recording and, where it is a part, the frames at the data set's rate.
 
 
-TAG_RATE = 20
-"""Frames per second by which HumanML3D turns `from` and `to` into frames."""
+TAG_RATE = 20  # Frames per second by which HumanML3D turns `from` and `to` into frames.
 
 # Seconds from which a time is taken for damage, infinite ones too.
 _MOST_SECONDS = 1e6

@@ -154,16 +154,12 @@ class Dataset:
 class Item:
     """A clip, or a part of one, with the sentences that describe exactly that."""
 
-    clip: Clip
-    """The clip."""
-    start: int
-    """First frame."""
-    end: int
-    """One past the last frame."""
-    captions: tuple[str, ...]
-    """Sentences; none for motion without words."""
+    clip: Clip  # The clip.
+    start: int  # First frame.
+    end: int  # One past the last frame.
+    captions: tuple[str, ...]  # Sentences; none for motion without words.
+    # How often each sentence is drawn, relative to others of all items; equally often if empty.
     weights: tuple[float, ...] = ()
-    """How often each sentence is drawn, relative to others of all items; equally often if empty."""
 
     @property
     def frames(self) -> int:
@@ -188,26 +184,19 @@ class Item:
 class Crop:
     """A window of frames drawn from an item, with one of its sentences."""
 
-    clip: Clip
-    """The clip."""
-    start: int
-    """First frame."""
-    frames: int
-    """Number of frames, a multiple of the unit."""
-    caption: str
-    """One of its sentences; empty for motion without words."""
+    clip: Clip  # The clip.
+    start: int  # First frame.
+    frames: int  # Number of frames, a multiple of the unit.
+    caption: str  # One of its sentences; empty for motion without words.
 
 
 @dataclass(frozen=True)
 class Cropping:
     """Lengths of crops."""
 
-    unit: int = 4
-    """Lengths are multiples of this."""
-    max_frames: int = 196
-    """Longest crop."""
-    min_frames: int = 8
-    """Items shorter than this are left out."""
+    unit: int = 4  # Lengths are multiples of this.
+    max_frames: int = 196  # Longest crop.
+    min_frames: int = 8  # Items shorter than this are left out.
 
     def crop(self, item: Item, generator: np.random.Generator) -> Crop:
         """Draws a part of an item and one of its sentences."""

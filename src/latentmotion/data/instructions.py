@@ -41,12 +41,9 @@ _NUMBER = re.compile(r"\d+(\.\d+)?")
 class Term:
     """One requirement."""
 
-    name: str
-    """Name of an act or of a condition."""
-    words: tuple[str, ...] = ()
-    """Arguments that are words, e.g. a side."""
-    numbers: tuple[float, ...] = ()
-    """Arguments that are numbers."""
+    name: str  # Name of an act or of a condition.
+    words: tuple[str, ...] = ()  # Arguments that are words, e.g. a side.
+    numbers: tuple[float, ...] = ()  # Arguments that are numbers.
 
     def __str__(self) -> str:
         arguments = [*self.words, *(f"{number:g}" for number in self.numbers)]
@@ -64,10 +61,8 @@ class Term:
 class Check:
     """Requirements that a motion must meet to fulfill an instruction."""
 
-    terms: tuple[Term, ...]
-    """The requirements."""
-    ordered: bool = False
-    """Whether they are acts in this order."""
+    terms: tuple[Term, ...]  # The requirements.
+    ordered: bool = False  # Whether they are acts in this order.
 
     def __str__(self) -> str:
         return (" > " if self.ordered else " & ").join(map(str, self.terms))
@@ -96,24 +91,19 @@ def parse(text: str) -> Check:
     return Check(tuple(terms), ordered)
 
 
+# Groups of instructions in the order of reports.
 GROUPS = ("side", "turns", "counts", "order", "pace", "posture", "direction", "action")
-"""Groups of instructions in the order of reports."""
 
 
 @dataclass(frozen=True)
 class Instruction:
     """A sentence, and the check of motions that follow it."""
 
-    id: str
-    """Unique name, e.g. `side-01`."""
-    group: str
-    """Its group."""
-    prompt: str
-    """The sentence, as a user would type it."""
-    check: Check
-    """The requirements."""
-    seconds: float | None = None
-    """Length of the motion; by default the model's own choice."""
+    id: str  # Unique name, e.g. `side-01`.
+    group: str  # Its group.
+    prompt: str  # The sentence, as a user would type it.
+    check: Check  # The requirements.
+    seconds: float | None = None  # Length of the motion; by default the model's own choice.
 
     def seeds(self, takes: int) -> list[int]:
         """Returns one seed per take; no two in the list are equal."""

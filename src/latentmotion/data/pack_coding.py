@@ -40,10 +40,8 @@ _MOMENTUM = 0.9
 class BoneCoder:
     """Positions of joints to whole numbers and back."""
 
-    skeleton: Skeleton
-    """Skeleton of the joints, with the lengths of all bones."""
-    quantum: float
-    """Step of a bone's end across the bone, meters."""
+    skeleton: Skeleton  # Skeleton of the joints, with the lengths of all bones.
+    quantum: float  # Step of a bone's end across the bone, meters.
 
     @property
     def lengths(self) -> Float[np.ndarray, " bones"]:
@@ -111,12 +109,9 @@ class BoneCoder:
 class MotionCoder:
     """Features to bytes and back, to a stated precision."""
 
-    representation: HumanML3DRepresentation
-    """Representation of the features."""
-    quantum: float
-    """Step of positions, meters."""
-    turn_quantum: float
-    """Step of the heading, radians."""
+    representation: HumanML3DRepresentation  # Representation of the features.
+    quantum: float  # Step of positions, meters.
+    turn_quantum: float  # Step of the heading, radians.
 
     @property
     def columns(self) -> int:

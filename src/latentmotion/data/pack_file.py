@@ -54,30 +54,22 @@ _FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9, "dict_size": 1 << 23, "lc": 0
 class PackHeader:
     """All of a pack but the motions themselves."""
 
-    format: str
-    """Name and version of the format."""
-    quantum: float
-    """Step of positions, meters."""
-    turn_quantum: float
-    """Step of the heading, radians."""
+    format: str  # Name and version of the format.
+    quantum: float  # Step of positions, meters.
+    turn_quantum: float  # Step of the heading, radians.
+    # That of the prepared folder: sources and their terms, normalizer, clips, captions.
     manifest: DatasetManifest
-    """That of the prepared folder: sources and their terms, normalizer, clips, captions."""
-    report: PreparationReport | None
-    """The report of its preparation."""
-    blocks: tuple[int, ...]
-    """Bytes of each shard's motions in this file."""
+    report: PreparationReport | None  # The report of its preparation.
+    blocks: tuple[int, ...]  # Bytes of each shard's motions in this file.
 
 
 @dataclass(frozen=True)
 class PackFile:
     """A pack in memory, its hash compared, its motions still compressed."""
 
-    path: Path
-    """Where it was read."""
-    header: PackHeader
-    """Its header."""
-    blocks: tuple[bytes, ...]
-    """One per shard, compressed."""
+    path: Path  # Where it was read.
+    header: PackHeader  # Its header.
+    blocks: tuple[bytes, ...]  # One per shard, compressed.
 
     def motions(self, block: int, size: int) -> bytes:
         """Returns the motions of a shard.
@@ -176,16 +168,13 @@ def _unpacked(path: Path, what: str, packed: bytes, size: int) -> bytes:
     return plain
 
 
-QUANTUM = 0.00025
-"""Step of positions, meters."""
+QUANTUM = 0.00025  # Step of positions, meters.
 
-TURN_QUANTUM = 1 / 8192
-"""Step of the heading, radians."""
+TURN_QUANTUM = 1 / 8192  # Step of the heading, radians.
 
 # Feature frames of a pack, 111 hours at 20 a second.
 _MOST_FRAMES = 8_000_000
-QUANTA = 1e-6, 0.01
-"""Least and greatest step of positions and heading that a pack may have."""
+QUANTA = 1e-6, 0.01  # Least and greatest step of positions and heading that a pack may have.
 
 
 def unpack(path: Path, folder: Path) -> DatasetManifest:

@@ -51,14 +51,12 @@ _FURTHEST = 0.001
 class Differences:
     """Differences between motions before and after packing."""
 
+    # Largest distance of any joint in any frame, the heading and path included.
     joints_mm: float = 0.0
-    """Largest distance of any joint in any frame, the heading and path included."""
+    # Sum of squared differences of normalized features by block.
     squares: dict[str, float] = field(default_factory=dict)
-    """Sum of squared differences of normalized features by block."""
-    contacts: int = 0
-    """Contact labels that differ."""
-    frames: int = 0
-    """Feature frames that were compared."""
+    contacts: int = 0  # Contact labels that differ.
+    frames: int = 0  # Feature frames that were compared.
 
 
 def pack(folder: Path, path: Path, quantum: float = QUANTUM) -> Differences:
@@ -118,8 +116,7 @@ def _compare(
     differences.contacts += int((before[:, contacts] != after[:, contacts]).sum())
 
 
-FILES = 32
-"""Files of a shard: a killed process loses the work on so many at most."""
+FILES = 32  # Files of a shard: a killed process loses the work on so many at most.
 
 _ABOUT = "about"
 

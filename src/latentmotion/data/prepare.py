@@ -35,8 +35,7 @@ from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.interface import Normalizer, Representation
 from latentmotion.storage.configuration import write_json
 
-MIN_FRAMES = 10
-"""Shortest clip that is kept; half a second holds a hop, or one turn of the arms."""
+MIN_FRAMES = 10  # Shortest clip that is kept; half a second holds a hop, or one turn of the arms.
 
 # Most reasons in the error if no clip is left.
 _LISTED = 10

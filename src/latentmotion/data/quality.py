@@ -17,22 +17,16 @@ from jaxtyping import Bool, Float
 from latentmotion.arrays import unit
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation
 
-ANY_JOINT = 240.0
-"""Largest credible acceleration of any joint, m/s²."""
-PELVIS = 75.0
-"""Largest credible acceleration of the pelvis, m/s²."""
-PELVIS_SPEED = 11.0
-"""Largest credible speed of the pelvis, m/s; a sprinter's is 10 to 12."""
-BONE_CHANGE = 0.35
-"""Largest credible change of a bone's length, as a fraction of its median."""
-LEG = (0.3, 1.5)
-"""Credible lengths of hip to ankle, meters."""
+ANY_JOINT = 240.0  # Largest credible acceleration of any joint, m/s².
+PELVIS = 75.0  # Largest credible acceleration of the pelvis, m/s².
+PELVIS_SPEED = 11.0  # Largest credible speed of the pelvis, m/s; a sprinter's is 10 to 12.
+BONE_CHANGE = 0.35  # Largest credible change of a bone's length, as a fraction of its median.
+LEG = (0.3, 1.5)  # Credible lengths of hip to ankle, meters.
 
-MARGIN = 2
-"""Frames on either side of a glitch that are cut out with it."""
+MARGIN = 2  # Frames on either side of a glitch that are cut out with it.
 
+# Frames of a BVH file after the T-pose that may be drawn towards it, at the native rate.
 BLENDED = 6
-"""Frames of a BVH file after the T-pose that may be drawn towards it, at the native rate."""
 REST = 4.0
 """Largest mean rotation of the joints in a T-pose, degrees.
 
@@ -45,12 +39,9 @@ which there is a blend.
 0.3 to 0.65 in the Daz-friendly conversion, which blends, and 0.99 in the other, which does not.
 """
 
-HELD = 8
-"""Frames of a calibration pose in the middle of a take; arms pass through it faster."""
-EDGE = 5
-"""Frames from the start or end of a take within which it may be shorter."""
-LOWERING = 10
-"""Frames in which the arms go down from it, or up to it."""
+HELD = 8  # Frames of a calibration pose in the middle of a take; arms pass through it faster.
+EDGE = 5  # Frames from the start or end of a take within which it may be shorter.
+LOWERING = 10  # Frames in which the arms go down from it, or up to it.
 
 _PELVIS, _LEG_BONES = 0, (4, 7)
 

@@ -79,34 +79,28 @@ class Recording:
 class EncodedRecording:
     """A motion as features: of a recording, or from an official processed folder."""
 
-    label: Label
-    """Everything else about it."""
-    features: Float[np.ndarray, "frames features"]
-    """Features, not normalized."""
+    label: Label  # Everything else about it.
+    features: Float[np.ndarray, "frames features"]  # Features, not normalized.
+    # Largest distance of a joint after joints → features → joints, where there were joints.
     round_trip_mm: float | None = None
-    """Largest distance of a joint after joints → features → joints, where there were joints."""
 
 
 @dataclass(frozen=True)
 class Dropped:
     """Something that is left out of the data set."""
 
-    id: str
-    """The clip, or the file."""
-    what: str
-    """`clip`, `part` of one (the rest is kept) or `caption`."""
-    reason: str
-    """The reason, as the report prints it."""
+    id: str  # The clip, or the file.
+    what: str  # `clip`, `part` of one (the rest is kept) or `caption`.
+    reason: str  # The reason, as the report prints it.
 
 
 @dataclass(frozen=True)
 class FileGroup:
     """Some files of a source, which are read without the others; groups in order are the source."""
 
-    files: tuple[Path, ...]
-    """What is read, with files beside it."""
+    files: tuple[Path, ...]  # What is read, with files beside it.
+    # Reads them; a worker's process can be sent it.
     read: Callable[[], Iterable[Recording | Dropped]] = field(repr=False)
-    """Reads them; a worker's process can be sent it."""
 
 
 def in_groups(items: Sequence[Item], size: int | None) -> list[Sequence[Item]]:
@@ -119,12 +113,9 @@ def in_groups(items: Sequence[Item], size: int | None) -> list[Sequence[Item]]:
 class PosedRecording:
     """A motion from a data set of SMPL poses, in the axes of its camera."""
 
-    label: Label
-    """Everything else about it."""
-    pose: Float[np.ndarray, "frames 72"]
-    """Rotation vectors of the 24 joints, radians."""
-    root: Float[np.ndarray, "frames 3"]
-    """Positions of the root, meters, from any origin."""
+    label: Label  # Everything else about it.
+    pose: Float[np.ndarray, "frames 72"]  # Rotation vectors of the 24 joints, radians.
+    root: Float[np.ndarray, "frames 3"]  # Positions of the root, meters, from any origin.
 
     def encode(self, hold: int) -> EncodedRecording | Dropped:
         """Returns the features, or the reason why there are none.
@@ -149,8 +140,7 @@ class PosedRecording:
         return EncodedRecording(self.label, np.concatenate([features, padding]))
 
 
-FPS = 20
-"""Frames per second of prepared data, as in HumanML3D."""
+FPS = 20  # Frames per second of prepared data, as in HumanML3D.
 
 
 def files_below(folder: Path, endings: Collection[str]) -> list[Path]:

@@ -12,8 +12,7 @@ from latentmotion.data.store import DatasetManifest, StoredClip
 from latentmotion.storage.configuration import read_json
 from latentmotion.storage.provenance import PIPELINE, front_matter, license_fields
 
-REPORT = "report.json"
-"""File of a prepared folder that holds its report."""
+REPORT = "report.json"  # File of a prepared folder that holds its report.
 
 README = "README.md"
 
@@ -24,16 +23,11 @@ _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000
 class Part:
     """Figures of one split of one source; mirrored copies are not counted."""
 
-    source: str
-    """Name of the source."""
-    split: str
-    """Name of the split."""
-    clips: int
-    """Number of clips."""
-    captions: int
-    """Number of captions."""
-    hours: float
-    """Length of all clips."""
+    source: str  # Name of the source.
+    split: str  # Name of the split.
+    clips: int  # Number of clips.
+    captions: int  # Number of captions.
+    hours: float  # Length of all clips.
 
     def row(self) -> str:
         """Returns its row of a report's table."""
@@ -45,16 +39,12 @@ class Part:
 class PreparationReport:
     """Result of preparing a data set: clips, captions, hours, and what was dropped and why."""
 
-    KIND: ClassVar[str] = "Report"
-    """Its name in files."""
-    parts: tuple[Part, ...]
-    """Figures by source and split."""
-    dropped: tuple[Dropped, ...]
-    """Clips and captions that were left out."""
+    KIND: ClassVar[str] = "Report"  # Its name in files.
+    parts: tuple[Part, ...]  # Figures by source and split.
+    dropped: tuple[Dropped, ...]  # Clips and captions that were left out.
+    # Largest distance of any joint after joints → features → joints; none for given features.
     round_trip_mm: float | None
-    """Largest distance of any joint after joints → features → joints; none for given features."""
-    notes: tuple[str, ...] = ()
-    """Further remarks for the user."""
+    notes: tuple[str, ...] = ()  # Further remarks for the user.
 
     def text(self) -> str:
         """Returns the report for the terminal."""

@@ -16,12 +16,9 @@ from latentmotion.data.clip import TaggedSentence
 from latentmotion.data.quality import clean_spans
 from latentmotion.data.recording import Label, Recording
 
-LONGEST = 196
-"""Frames of the longest piece: HumanML3D's longest features."""
-SHORTEST = 20
-"""Frames of the shortest piece: a second."""
-USUAL = 120
-"""Frames of a piece where nothing else decides."""
+LONGEST = 196  # Frames of the longest piece: HumanML3D's longest features.
+SHORTEST = 20  # Frames of the shortest piece: a second.
+USUAL = 120  # Frames of a piece where nothing else decides.
 
 # Trade-off between a still cut and a piece of usual length: a cut may be faster by this many
 # m/s for every `USUAL` frames that it brings the length nearer to `USUAL`.

@@ -25,45 +25,32 @@ from latentmotion.storage.files import atomic_folder, sha256
 MANIFEST = "manifest.json"
 FORMAT = "latentmotion dataset 1"
 
-SHARD_FRAMES = 40_000
-"""Frames after which a new shard begins: some 40 MB, which every host takes."""
+SHARD_FRAMES = 40_000  # Frames after which a new shard begins: some 40 MB, which every host takes.
 
+# Source of synthetic sequences, which only train: a test set holds recorded motion.
 COMPOSED = "composed"
-"""Source of synthetic sequences, which only train: a test set holds recorded motion."""
 
+# Folder of the features of HumanML3D and KIT, which are the origin of their clips.
 OFFICIAL_FEATURES = "new_joint_vecs"
-"""Folder of the features of HumanML3D and KIT, which are the origin of their clips."""
 
-CaptionRow = tuple[str, int, int, str]
-"""Text, first frame, one past the last frame, tokens."""
+CaptionRow = tuple[str, int, int, str]  # Text, first frame, one past the last frame, tokens.
 
 
 @dataclass(frozen=True)
 class StoredClip:
     """A clip and its mirror image in a prepared folder, all but their features."""
 
-    id: str
-    """Unique name."""
-    source: str
-    """Name of its source."""
-    origin: str
-    """The recording that it was cut from and where."""
-    split: Split
-    """Its split."""
-    frames: int
-    """Number of feature frames."""
-    shard: int
-    """Index of the shard that holds it."""
-    offset: int
-    """Its first row there."""
-    captions: tuple[CaptionRow, ...]
-    """Sentences about it."""
-    mirrored_captions: tuple[CaptionRow, ...]
-    """Sentences about its mirror image."""
-    action: str | None = None
-    """Action label."""
-    mirrored_action: str | None = None
-    """Action label of its mirror image."""
+    id: str  # Unique name.
+    source: str  # Name of its source.
+    origin: str  # The recording that it was cut from and where.
+    split: Split  # Its split.
+    frames: int  # Number of feature frames.
+    shard: int  # Index of the shard that holds it.
+    offset: int  # Its first row there.
+    captions: tuple[CaptionRow, ...]  # Sentences about it.
+    mirrored_captions: tuple[CaptionRow, ...]  # Sentences about its mirror image.
+    action: str | None = None  # Action label.
+    mirrored_action: str | None = None  # Action label of its mirror image.
 
     @property
     def is_mirrored_copy(self) -> bool:
@@ -102,56 +89,40 @@ class StoredClip:
 class Shard:
     """One file of features."""
 
-    file: str
-    """Its name in the folder."""
-    frames: int
-    """Number of rows."""
-    sha256: str
-    """Hash of the file."""
+    file: str  # Its name in the folder.
+    frames: int  # Number of rows.
+    sha256: str  # Hash of the file.
 
 
 @dataclass(frozen=True)
 class StoredNormalizer:
     """Mean and standard deviation by which features are normalized."""
 
-    origin: str
-    """The data they were computed from."""
-    mean: tuple[float, ...]
-    """One per feature."""
-    std: tuple[float, ...]
-    """One per feature."""
+    origin: str  # The data they were computed from.
+    mean: tuple[float, ...]  # One per feature.
+    std: tuple[float, ...]  # One per feature.
 
 
 @dataclass(frozen=True)
 class DatasetManifest:
     """All of a prepared folder but the features themselves."""
 
-    KIND: ClassVar[str] = "Manifest"
-    """Its name in files."""
-    format: str
-    """Name and version of the format."""
-    representation: str
-    """Name of the representation of the features."""
-    fps: float
-    """Frames per second."""
-    sources: tuple[Source, ...]
-    """Origins of the motions, with the terms of their owners."""
-    normalizer: StoredNormalizer
-    """Mean and standard deviation of the features."""
-    shards: tuple[Shard, ...]
-    """Files of features."""
-    clips: tuple[StoredClip, ...]
-    """Clips, in the order in which they lie in the shards."""
+    KIND: ClassVar[str] = "Manifest"  # Its name in files.
+    format: str  # Name and version of the format.
+    representation: str  # Name of the representation of the features.
+    fps: float  # Frames per second.
+    sources: tuple[Source, ...]  # Origins of the motions, with the terms of their owners.
+    normalizer: StoredNormalizer  # Mean and standard deviation of the features.
+    shards: tuple[Shard, ...]  # Files of features.
+    clips: tuple[StoredClip, ...]  # Clips, in the order in which they lie in the shards.
 
 
 @dataclass(frozen=True, eq=False)
 class StoredMotion:
     """A clip on its way into a folder, where its shard and offset are not yet known."""
 
-    clip: StoredClip
-    """Everything but its features."""
-    features: Float[np.ndarray, "frames features"]
-    """Features, not normalized."""
+    clip: StoredClip  # Everything but its features.
+    features: Float[np.ndarray, "frames features"]  # Features, not normalized.
 
 
 def read_manifest(folder: str | Path) -> DatasetManifest:

@@ -33,11 +33,10 @@ from latentmotion.diffusion.parametrization import (
 )
 from latentmotion.diffusion.schedule import StepCondition
 
-GuidanceRule = Literal["classifier_free", "projected"]
-"""Guidance of a model that is not distilled."""
+GuidanceRule = Literal["classifier_free", "projected"]  # Guidance of a model that is not distilled.
 
+# Shares of signal's loss, sigma / (alpha + sigma), between which projected guidance acts.
 INTERVAL = (0.25, 0.95)
-"""Shares of signal's loss, sigma / (alpha + sigma), between which projected guidance acts."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +44,9 @@ class ClassifierFreeGuidance:
     """Evaluates with and without the condition in one pass of twice the batch."""
 
     denoiser: Denoiser
-    null: Conditioning
-    """No condition, one row."""
+    null: Conditioning  # No condition, one row.
+    # 1 follows the condition, more exaggerates it; one for all or one per item.
     scale: float | Times
-    """1 follows the condition, more exaggerates it; one for all or one per item."""
 
     def __call__(self, z: Latents, t: Times, condition: Conditioning, mask: Mask) -> Latents:
         """Returns the guided output."""
@@ -65,14 +63,12 @@ class ClassifierFreeGuidance:
 class ProjectedGuidance:
     """Guides only across the predicted clean latents, and only at middle noise levels."""
 
-    parametrized: ParametrizedDenoiser
-    """The denoiser, with the meaning of its output."""
-    null: Conditioning
-    """No condition, one row."""
+    parametrized: ParametrizedDenoiser  # The denoiser, with the meaning of its output.
+    null: Conditioning  # No condition, one row.
+    # 1 follows the condition, more exaggerates it; one for all or one per item.
     scale: float | Times
-    """1 follows the condition, more exaggerates it; one for all or one per item."""
+    # Least and greatest share of noise, sigma / (alpha + sigma), at which guidance acts.
     interval: tuple[float, float] = INTERVAL
-    """Least and greatest share of noise, sigma / (alpha + sigma), at which guidance acts."""
 
     def __call__(self, z: Latents, t: Times, condition: Conditioning, mask: Mask) -> Latents:
         """Returns the guided output."""
@@ -116,12 +112,9 @@ def guided(
 class DistilledGuidance:
     """Guidance learned by a distilled denoiser: the scale is an input, and one pass is enough."""
 
-    denoiser: Callable[..., Any]
-    """A denoiser whose last argument is a `StepCondition`."""
-    scale: float | Times
-    """Scale that is passed to the network; one for all or one per item."""
-    steps: int
-    """Number of sampling steps."""
+    denoiser: Callable[..., Any]  # A denoiser whose last argument is a `StepCondition`.
+    scale: float | Times  # Scale that is passed to the network; one for all or one per item.
+    steps: int  # Number of sampling steps.
 
     def __call__(self, z: Latents, t: Times, condition: Conditioning, mask: Mask) -> Latents:
         """Returns the output for a step of that size."""

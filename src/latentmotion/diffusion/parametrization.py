@@ -19,17 +19,15 @@ from latentmotion.diffusion.schedule import Schedule, Time
 
 Latents = Float[Any, "batch tokens width"]
 Times = Float[Any, " batch"]
-Mask = Bool[Any, "batch tokens"]
-"""True on real tokens."""
+Mask = Bool[Any, "batch tokens"]  # True on real tokens.
 
+# Draws standard normal numbers of a shape, float32, always on the CPU and in NumPy.
 Noise = Callable[[tuple[int, ...]], np.ndarray]
-"""Draws standard normal numbers of a shape, float32, always on the CPU and in NumPy."""
 
-Estimates = tuple[Any, Any]
-"""Estimates of (z_0, epsilon), each of shape (batch, tokens, width)."""
+Estimates = tuple[Any, Any]  # Estimates of (z_0, epsilon), each of shape (batch, tokens, width).
 
+# Estimates from a batch of latents at one time, its condition and mask being settled.
 Estimate = Callable[[Any, float], Estimates]
-"""Estimates from a batch of latents at one time, its condition and mask being settled."""
 
 
 @runtime_checkable
@@ -48,9 +46,9 @@ class Denoiser(Protocol):
         ...
 
 
+# A denoiser with the meaning of its output, as samplers call it at every step: noisy latents, the
+# time of all items, their condition, and a mask that is True on real tokens.
 Estimator = Callable[[Latents, float, Conditioning, Mask], Estimates]
-"""A denoiser with the meaning of its output, as samplers call it at every step: noisy latents, the
-time of all items, their condition, and a mask that is True on real tokens."""
 
 
 @runtime_checkable
@@ -118,12 +116,9 @@ class Velocity:
 class ParametrizedDenoiser:
     """A denoiser with the meaning of its output: an `Estimator`."""
 
-    denoiser: Denoiser
-    """Network or session, maybe with guidance around it."""
-    parametrization: Parametrization
-    """Meaning of its output."""
-    schedule: Schedule
-    """The noise schedule that it was trained on."""
+    denoiser: Denoiser  # Network or session, maybe with guidance around it.
+    parametrization: Parametrization  # Meaning of its output.
+    schedule: Schedule  # The noise schedule that it was trained on.
 
     def __call__(self, z: Latents, t: float, condition: Conditioning, mask: Mask) -> Estimates:
         """Returns the estimates of (z_0, epsilon) at one time for all items."""

@@ -32,8 +32,8 @@ from latentmotion.errors import InputError
 from latentmotion.plugins import plugin_names
 from latentmotion.storage.configuration import part_named
 
+# Samplers that cards and the command line name; `euler` is `ddim`, see there.
 SamplerName = Literal["ddim", "euler", "ddpm", "heun", "dpm++"]
-"""Samplers that cards and the command line name; `euler` is `ddim`, see there."""
 
 
 @runtime_checkable

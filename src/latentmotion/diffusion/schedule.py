@@ -24,8 +24,7 @@ from latentmotion.errors import InputError
 from latentmotion.storage.configuration import part_named
 from latentmotion.storage.limits import MOST_STEPS
 
-Time = Any
-"""One time as a number, or an array of one time per item of the batch (NumPy or torch)."""
+Time = Any  # One time as a number, or an array of one time per item of the batch (NumPy or torch).
 
 
 @runtime_checkable
@@ -59,8 +58,7 @@ class DiscreteTimes(ABC):
     signal(t) = alpha² = product of 1 - beta up to t, sigma² = 1 - alpha².
     """
 
-    length: int
-    """Number of discrete times."""
+    length: int  # Number of discrete times.
 
     def __post_init__(self) -> None:
         if not 1 <= self.length <= MOST_STEPS:
@@ -105,16 +103,11 @@ class ScaledLinear(DiscreteTimes):
     hair of noise); `offset=0, ends_clean=True` gives those of their DDPM (..., 1, 0, then -1).
     """
 
-    start: float = 0.00085
-    """First beta."""
-    end: float = 0.012
-    """Last beta."""
-    length: int = 1000
-    """Number of discrete times."""
-    offset: int = 1
-    """Added to all times of a sampler."""
-    ends_clean: bool = False
-    """Whether sampling ends at -1, without noise, instead of at 0."""
+    start: float = 0.00085  # First beta.
+    end: float = 0.012  # Last beta.
+    length: int = 1000  # Number of discrete times.
+    offset: int = 1  # Added to all times of a sampler.
+    ends_clean: bool = False  # Whether sampling ends at -1, without noise, instead of at 0.
 
     def timesteps(self, steps: int) -> np.ndarray:
         """Returns leading times with an offset."""
@@ -135,8 +128,8 @@ class Cosine(DiscreteTimes):
     beta(t) = 1 - f(t + 1) / f(t) ≤ 0.999 with f(t) = cos²(π/2 · (t / length + 0.008) / 1.008).
     """
 
+    # Number of discrete times: 1,000, or 50 in MDM's fast form, which is trained with so few.
     length: int = 1000
-    """Number of discrete times: 1,000, or 50 in MDM's fast form, which is trained with so few."""
 
     def timesteps(self, steps: int) -> np.ndarray:
         """Returns leading times, then -1."""
@@ -180,8 +173,7 @@ class LinearPath:
 class _Wrapped:
     """A schedule with the weights and times of another."""
 
-    schedule: Any
-    """The other, a `Schedule`."""
+    schedule: Any  # The other, a `Schedule`.
 
     def alpha(self, t: Time) -> Any:
         """Returns the weight of the signal at `t`."""
@@ -204,10 +196,8 @@ class _Wrapped:
 class PluginSchedule(_Wrapped):
     """A schedule that another package adds, under `latentmotion.schedules`."""
 
-    plugin: str
-    """Name of its entry point."""
-    settings: dict[str, Any] = field(default_factory=dict)
-    """Keyword arguments of it."""
+    plugin: str  # Name of its entry point.
+    settings: dict[str, Any] = field(default_factory=dict)  # Keyword arguments of it.
 
     @cached_property
     def schedule(self) -> Schedule:
@@ -219,8 +209,8 @@ class PluginSchedule(_Wrapped):
         return self.schedule.timesteps(steps)
 
 
+# Every schedule that a card or an experiment can name.
 AnySchedule = ScaledLinear | Cosine | LinearPath | PluginSchedule
-"""Every schedule that a card or an experiment can name."""
 
 
 def _look_up(table: np.ndarray, t: Time) -> Any:
@@ -241,10 +231,9 @@ def _check_steps(steps: int, most: int) -> None:
 class StepCondition:
     """The inputs of a few-step student that other denoisers lack."""
 
-    guidance: Float[Any, " batch"]
-    """Guidance scale."""
+    guidance: Float[Any, " batch"]  # Guidance scale.
+    # Length of the step, 1 / steps; 1 goes from noise to latents at once.
     step_size: Float[Any, " batch"]
-    """Length of the step, 1 / steps; 1 goes from noise to latents at once."""
 
 
 @dataclass(frozen=True)

@@ -50,29 +50,23 @@ class Padding:
         return longest
 
 
+# Records functions of arrays, and replays them from then on: takes a name, equal for functions that
+# compute the same, the function, and its arrays; returns the function's output.
 Launcher = Callable[..., Any]
-"""Records functions of arrays, and replays them from then on: takes a name, equal for functions
-that compute the same, the function, and its arrays; returns the function's output."""
 
 
 @dataclass(frozen=True)
 class Batch:
     """Inputs of a backend's networks for one batch: arrays of its library, on its device."""
 
-    noise: Float[Any, "batch tokens width"]
-    """Latents from which sampling starts."""
-    tokens: Bool[Any, "batch tokens"]
-    """True on real latent tokens."""
-    words: Float[Any, "batch words channels"]
-    """The condition."""
-    words_mask: Bool[Any, "batch words"]
-    """True on real words."""
-    frames: Bool[Any, "batch frames"]
-    """True on real frames."""
+    noise: Float[Any, "batch tokens width"]  # Latents from which sampling starts.
+    tokens: Bool[Any, "batch tokens"]  # True on real latent tokens.
+    words: Float[Any, "batch words channels"]  # The condition.
+    words_mask: Bool[Any, "batch words"]  # True on real words.
+    frames: Bool[Any, "batch frames"]  # True on real frames.
+    # Latents of the clips that sampling starts from; None for pure noise.
     start: Float[Any, "batch tokens width"] | None = None
-    """Latents of the clips that sampling starts from; None for pure noise."""
-    kept: Float[Any, "batch tokens 1"] | None = None
-    """Share of them in the result."""
+    kept: Float[Any, "batch tokens 1"] | None = None  # Share of them in the result.
 
     @property
     def condition(self) -> Conditioning:
@@ -84,23 +78,20 @@ class Batch:
 class Backend:
     """Sessions that take and return arrays of one library on one device."""
 
-    denoiser: Session
-    """Network: z, t, words, words_mask, mask → prediction."""
-    decoder: Session
-    """Network: latents, mask → normalized features."""
+    denoiser: Session  # Network: z, t, words, words_mask, mask → prediction.
+    decoder: Session  # Network: latents, mask → normalized features.
+    # Fused samplers, from noise to features in one graph, by number of steps.
     fused: Mapping[int, Session] = field(default_factory=dict)
-    """Fused samplers, from noise to features in one graph, by number of steps."""
+    # Network: latents, mask, gradient of features → gradient of latents; None where there is none,
+    # so that motions cannot be directed.
     pullback: Session | None = None
-    """Network: latents, mask, gradient of features → gradient of latents; None where there is none,
-    so that motions cannot be directed."""
-    padding: Padding = field(default_factory=Padding)
-    """The sizes to which batches are padded."""
+    padding: Padding = field(default_factory=Padding)  # The sizes to which batches are padded.
+    # Records functions of arrays and replays them; None calls them as they are.
     launch: Launcher | None = None
-    """Records functions of arrays and replays them; None calls them as they are."""
+    # Turns a NumPy array into an array of the sessions' library, on their device.
     to_device: Callable[[np.ndarray], Any] = np.asarray
-    """Turns a NumPy array into an array of the sessions' library, on their device."""
+    # Turns an array of the sessions into a NumPy array.
     to_host: Callable[[Any], np.ndarray] = np.asarray
-    """Turns an array of the sessions into a NumPy array."""
 
     @classmethod
     def of_folder(
@@ -139,13 +130,13 @@ class Backend:
         )
 
 
+# Precision of matrix products and convolutions, and of the activations computed from them alone;
+# the output is float32.
 Precision = Literal["float32", "bfloat16"]
-"""Precision of matrix products and convolutions, and of the activations computed from them alone;
-the output is float32."""
 
+# How work reaches a device: kernel by kernel; as CUDA graphs, one launch for the whole chain; or
+# fused by torch.compile, on a GPU as graphs of that. The latter two pay off where shapes repeat.
 Launch = Literal["eager", "graph", "compiled"]
-"""How work reaches a device: kernel by kernel; as CUDA graphs, one launch for the whole chain; or
-fused by torch.compile, on a GPU as graphs of that. The latter two pay off where shapes repeat."""
 
 
 @dataclass(frozen=True)
@@ -179,8 +170,7 @@ class ExecutionOptions:
         return self.device.partition(":")[0]
 
 
-ON_CPU = ExecutionOptions()
-"""The options by default."""
+ON_CPU = ExecutionOptions()  # The options by default.
 
 
 Half = TypeVar("Half", bound="_Scaled")
@@ -190,12 +180,9 @@ Half = TypeVar("Half", bound="_Scaled")
 class _Scaled:
     """A half of a VAE, with the scales at both of its ends."""
 
-    network: Callable[..., Any]
-    """The half: a session, or a method of a VAE."""
-    latents: Scale
-    """Scale in which the denoiser sees latents."""
-    features: Scale
-    """Scale in which the networks see features."""
+    network: Callable[..., Any]  # The half: a session, or a method of a VAE.
+    latents: Scale  # Scale in which the denoiser sees latents.
+    features: Scale  # Scale in which the networks see features.
 
     @classmethod
     def of(

@@ -33,14 +33,11 @@ class MotionPrior:
         ModelError: The model has no VAE.
     """
 
-    card: ModelCard
-    """What the model is."""
-    decoder: Session
-    """Network: latents → normalized features."""
-    max_batch_size: int = 32
-    """Maximum number of motions that go through the network at once."""
+    card: ModelCard  # What the model is.
+    decoder: Session  # Network: latents → normalized features.
+    max_batch_size: int = 32  # Maximum number of motions that go through the network at once.
+    # Body whose joints motions have, in place of the skeleton that ships.
     body: SmplRepresentation | None = None
-    """Body whose joints motions have, in place of the skeleton that ships."""
 
     def __post_init__(self) -> None:
         if not self.card.vae.has_weights:

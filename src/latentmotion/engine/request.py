@@ -29,13 +29,11 @@ class Start:
     z_t = alpha(t) z_0 + sigma(t) epsilon, where t begins the last `remaining` steps.
     """
 
-    latents: Float[np.ndarray, "tokens width"]
-    """z_0, in the denoiser's scale."""
-    share: float
-    """Share of the sampling steps that remain: 0 keeps the latents, 1 is pure noise."""
+    latents: Float[np.ndarray, "tokens width"]  # z_0, in the denoiser's scale.
+    share: float  # Share of the sampling steps that remain: 0 keeps the latents, 1 is pure noise.
+    # Share of z_0 in the result, by default none, with which the sampled latents are mixed: few
+    # steps have no time between the last and the end at which less would change.
     kept: Float[np.ndarray, " tokens"] | None = None
-    """Share of z_0 in the result, by default none, with which the sampled latents are mixed: few
-    steps have no time between the last and the end at which less would change."""
 
     def remaining(self, steps: int) -> int:
         """Returns how many of so many steps remain: at least one."""
@@ -50,16 +48,12 @@ class GenerationRequest:
         InputError: The numbers of prompts, lengths and seeds differ, or one is out of range.
     """
 
-    prompts: tuple[str, ...]
-    """A sentence, a label or "" per motion, depending on the model's task."""
-    frames: tuple[int, ...]
-    """Length of each motion."""
-    seeds: tuple[int, ...]
-    """One seed per motion."""
-    sampling: Sampling
-    """Steps, guidance scale and sampler of all motions."""
+    prompts: tuple[str, ...]  # A sentence, a label or "" per motion, depending on the model's task.
+    frames: tuple[int, ...]  # Length of each motion.
+    seeds: tuple[int, ...]  # One seed per motion.
+    sampling: Sampling  # Steps, guidance scale and sampler of all motions.
+    # What each motion starts from, None for pure noise; empty if all do.
     starts: tuple[Start | None, ...] = ()
-    """What each motion starts from, None for pure noise; empty if all do."""
 
     def __post_init__(self) -> None:
         if len(self.prompts) != len(self.frames):
@@ -212,8 +206,7 @@ def unpadded(
     return [motions[row] for row in range(len(frames))]
 
 
-USUAL_SECONDS = 4.0
-"""Length of a motion that is neither given nor predicted."""
+USUAL_SECONDS = 4.0  # Length of a motion that is neither given nor predicted.
 
 
 def each(seconds: float | Sequence[float | None] | None, count: int) -> list[float | None]:
@@ -235,6 +228,7 @@ def each(seconds: float | Sequence[float | None] | None, count: int) -> list[flo
     return lengths
 
 
+# Names that other libraries have for arguments.
 OTHER_NAMES = {
     "num_inference_steps": "steps",
     "guidance_scale": "guidance",
@@ -250,7 +244,6 @@ OTHER_NAMES = {
     "prompts": "prompt",
     "scheduler": "sampler",
 }
-"""Names that other libraries have for arguments."""
 
 
 def check_arguments(unknown: Mapping[str, Any], **numbers: Any) -> None:

@@ -26,11 +26,11 @@ from latentmotion.errors import InputError, MissingExtraError, ModelError
 from latentmotion.model.card import ModelCard
 from latentmotion.storage.limits import GRAPH_MEMORY
 
+# Engine of the graphs; `auto` takes ONNX Runtime, as fast as OpenVINO and sooner loaded.
 Runtime = Literal["auto", "onnxruntime", "openvino"]
-"""Engine of the graphs; `auto` takes ONNX Runtime, as fast as OpenVINO and sooner loaded."""
 
+# A loaded graph: called with its inputs by name, returns its first output.
 Session = Callable[..., np.ndarray]
-"""A loaded graph: called with its inputs by name, returns its first output."""
 
 
 def open_session(path: Path, runtime: Runtime = "auto", threads: int | None = None) -> Session:
@@ -74,12 +74,10 @@ class LazySession(PickledByFields):
         ModelError: The file is missing; when called, also that it is damaged.
     """
 
-    path: Path
-    """The `.onnx` file."""
-    runtime: Runtime = "auto"
-    """The engine."""
+    path: Path  # The `.onnx` file.
+    runtime: Runtime = "auto"  # The engine.
+    # Maximum number of threads; by default the cores that this process may run on.
     threads: int | None = None
-    """Maximum number of threads; by default the cores that this process may run on."""
 
     def __post_init__(self) -> None:
         _checked(self.path, self.runtime)

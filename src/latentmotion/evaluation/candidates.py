@@ -26,8 +26,7 @@ from latentmotion.networks.vae.interface import MotionVAE
 
 Motions = list[Float[np.ndarray, "_ features"]]
 
-MAX_BATCH_SIZE = 32
-"""Motions that a VAE reconstructs in one batch."""
+MAX_BATCH_SIZE = 32  # Motions that a VAE reconstructs in one batch.
 
 
 @runtime_checkable
@@ -82,14 +81,11 @@ class EvaluatedGenerator(Protocol):
 class Generated:
     """Motions that a generator makes from captions, labels, or lengths alone."""
 
-    generator: EvaluatedGenerator
-    """The model, a `MotionPipeline`."""
+    generator: EvaluatedGenerator  # The model, a `MotionPipeline`.
+    # Steps, guidance scale and sampler; by default the model's own.
     sampling: Sampling | None = None
-    """Steps, guidance scale and sampler; by default the model's own."""
-    weights: str = ""
-    """Hash of its files."""
-    row: str = "generated"
-    """Name of its row in the report."""
+    weights: str = ""  # Hash of its files.
+    row: str = "generated"  # Name of its row in the report.
     reconstructs = False
 
     @property
@@ -119,16 +115,12 @@ class Generated:
 class Reconstructed:
     """The real motions, encoded and decoded by a VAE."""
 
-    vae: MotionVAE
-    """The VAE."""
-    card: ModelCard
-    """The model's card, with the normalizer."""
+    vae: MotionVAE  # The VAE.
+    card: ModelCard  # The model's card, with the normalizer.
+    # Whether latents are drawn from the posterior or are its mean; by default the protocol's.
     sampled: bool | None = None
-    """Whether latents are drawn from the posterior or are its mean; by default the protocol's."""
-    weights: str = ""
-    """Hash of its files."""
-    row: str = "reconstruction"
-    """Name of its row in the report."""
+    weights: str = ""  # Hash of its files.
+    row: str = "reconstruction"  # Name of its row in the report.
     reconstructs = True
     prompted = True
 
@@ -173,12 +165,9 @@ class Reconstructed:
 class Prior:
     """Motions decoded from a VAE's prior, of the lengths of the test prompts."""
 
-    prior: MotionPrior
-    """The model."""
-    weights: str = ""
-    """Hash of its files."""
-    row: str = "prior"
-    """Name of its row in the report."""
+    prior: MotionPrior  # The model.
+    weights: str = ""  # Hash of its files.
+    row: str = "prior"  # Name of its row in the report.
     reconstructs = False
     prompted = False
 

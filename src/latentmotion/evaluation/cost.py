@@ -38,8 +38,7 @@ from latentmotion.evaluation.protocol import TestPrompt
 from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import load_stages
 
-WARM_UP = 3
-"""Motions that are made before the timing."""
+WARM_UP = 3  # Motions that are made before the timing.
 
 
 def aits(
@@ -85,26 +84,20 @@ def parameters(network: nn.Module) -> int:
     return sum(parameter.numel() for parameter in network.parameters())
 
 
-TIMED = 20
-"""Motions that are timed; fewer if a split has fewer."""
+TIMED = 20  # Motions that are timed; fewer if a split has fewer.
 
 
 @dataclass(frozen=True)
 class Cost:
     """Cost of a model."""
 
-    parameters: dict[str, int]
-    """Learned numbers of each network."""
+    parameters: dict[str, int]  # Learned numbers of each network.
+    # 10⁹ FLOPs of one motion, with guidance and decoder; null without a denoiser.
     gflops: float | None = None
-    """10⁹ FLOPs of one motion, with guidance and decoder; null without a denoiser."""
-    gflops_frames: int | None = None
-    """Length of that motion."""
-    aits: float | None = None
-    """Average seconds per motion, one at a time."""
-    timed: int = 0
-    """Motions that were timed."""
-    engine: str = ""
-    """Description of the warm-up."""
+    gflops_frames: int | None = None  # Length of that motion.
+    aits: float | None = None  # Average seconds per motion, one at a time.
+    timed: int = 0  # Motions that were timed.
+    engine: str = ""  # Description of the warm-up.
 
     def lines(self) -> list[str]:
         """Returns the cost in words."""

@@ -151,14 +151,11 @@ class Comparison:
     A replication's scores depend on its number alone, so any process may measure any of them.
     """
 
-    candidates: tuple[Candidate, ...]
-    """The models, each with its own row."""
-    dataset: Dataset
-    """Source of test prompts and real motions."""
+    candidates: tuple[Candidate, ...]  # The models, each with its own row.
+    dataset: Dataset  # Source of test prompts and real motions.
+    # The evaluator; without one only metrics of positions are measured.
     evaluator: Evaluator | None
-    """The evaluator; without one only metrics of positions are measured."""
-    protocol: Protocol = CLEAN
-    """Rules of the evaluation."""
+    protocol: Protocol = CLEAN  # Rules of the evaluation.
     _real: tuple[Embeddings | None, Scores] | None = None
 
     def __post_init__(self) -> None:
@@ -295,18 +292,13 @@ class Comparison:
 class PublishedGroundTruth:
     """The ground-truth row of a data set in a paper."""
 
-    source: str
-    """Name of the source in a prepared folder."""
-    paper: str
-    """Paper and table of the figures."""
-    figures: Mapping[str, tuple[float, float]]
-    """Mean and 95 % interval by metric."""
-    split: str = "test"
-    """Split that it was measured on."""
-    clips: int = 0
-    """Clips of the official split, mirrored ones included; 0 if no source states it."""
+    source: str  # Name of the source in a prepared folder.
+    paper: str  # Paper and table of the figures.
+    figures: Mapping[str, tuple[float, float]]  # Mean and 95 % interval by metric.
+    split: str = "test"  # Split that it was measured on.
+    clips: int = 0  # Clips of the official split, mirrored ones included; 0 if no source states it.
+    # Items that the authors' reader makes of them; none if no source states it.
     items: int | None = None
-    """Items that the authors' reader makes of them; none if no source states it."""
 
     def size(self) -> str:
         """Returns the size of the paper's test set."""
@@ -314,6 +306,7 @@ class PublishedGroundTruth:
         return f"{self.clips:,} clips{items} in {self.split}"
 
 
+# The real rows of papers.
 PUBLISHED = tuple(
     PublishedGroundTruth(
         source, **{**row, "figures": {name: tuple(pair) for name, pair in row["figures"].items()}}
@@ -322,7 +315,6 @@ PUBLISHED = tuple(
         Path(__file__).with_name("published.toml").read_text(encoding="utf-8")
     ).items()
 )
-"""The real rows of papers."""
 
 
 def published_ground_truth(

@@ -294,10 +294,8 @@ def _segment_means(
 class Gaussian:
     """Mean and covariance of a set of features."""
 
-    mean: Float[np.ndarray, " width"]
-    """Mean."""
-    covariance: Float[np.ndarray, "width width"]
-    """Unbiased covariance."""
+    mean: Float[np.ndarray, " width"]  # Mean.
+    covariance: Float[np.ndarray, "width width"]  # Unbiased covariance.
 
     @classmethod
     def of(cls, features: Float[np.ndarray, "items width"], float32_mean: bool = False) -> Gaussian:
@@ -414,8 +412,7 @@ def distances(
     return np.sqrt(np.maximum(squared, 0))
 
 
-BEST = (1, 2, 3)
-"""The k that papers report."""
+BEST = (1, 2, 3)  # The k that papers report.
 
 
 def ranks(

@@ -19,64 +19,57 @@ from latentmotion.data.clip import Caption, Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import DataError, InputError
 
-ProtocolName = Literal["clean", "paper"]
-"""Names of the protocols."""
+ProtocolName = Literal["clean", "paper"]  # Names of the protocols.
 
 
 @dataclass(frozen=True)
 class DrawnPairs:
     """Random pairs in place of all pairs (mld.md §8, §10)."""
 
+    # Pairs of diversity with a text-motion evaluator; each of the two draws without replacement.
     text_diversity: int = 300
-    """Pairs of diversity with a text-motion evaluator; each of the two draws without
-    replacement."""
+    # Pairs of generated motions with an action classifier; with replacement.
     action_diversity: int = 300
-    """Pairs of generated motions with an action classifier; with replacement."""
-    action_multimodality: int = 10
-    """Pairs of a label, of generated motions."""
-    true_action_diversity: int = 200
-    """Pairs of real motions: the default of their function."""
+    action_multimodality: int = 10  # Pairs of a label, of generated motions.
+    true_action_diversity: int = 200  # Pairs of real motions: the default of their function.
+    # Pairs of a label, of real motions: the default of their function.
     true_action_multimodality: int = 20
-    """Pairs of a label, of real motions: the default of their function."""
-    kid_subsets: int = 100
-    """Subsets from which KID is averaged (mld.md §8)."""
-    kid_size: int = 1000
-    """Motions of a subset."""
+    kid_subsets: int = 100  # Subsets from which KID is averaged (mld.md §8).
+    kid_size: int = 1000  # Motions of a subset.
 
 
 @dataclass(frozen=True)
 class Quirks:
     """Switches; False, or None, is the clean way."""
 
+    # Start and length of a clip's crop are drawn anew in every replication, and one in three is a
+    # unit shorter (mld.md §5). Clean: from the first frame, as long as it can be.
     random_crops: bool = False
-    """Start and length of a clip's crop are drawn anew in every replication, and one in three is
-    a unit shorter (mld.md §5). Clean: from the first frame, as long as it can be."""
+    # One of a clip's captions is drawn (mld.md §5). Clean: they take turns.
     random_captions: bool = False
-    """One of a clip's captions is drawn (mld.md §5). Clean: they take turns."""
+    # Mirrored copies that the data's authors list in the split are items, too (mld.md §5).
     mirrored_items: bool = False
-    """Mirrored copies that the data's authors list in the split are items, too (mld.md §5)."""
+    # Items beyond the last full group of 32 have no R-precision and MM-Dist (mld.md §8). Clean:
+    # others, whose own rank does not count again, fill the last group.
     remainder_dropped: bool = False
-    """Items beyond the last full group of 32 have no R-precision and MM-Dist (mld.md §8). Clean:
-    others, whose own rank does not count again, fill the last group."""
-    float32_means: bool = False
-    """FID's means are computed in float32 (mld.md §8)."""
+    float32_means: bool = False  # FID's means are computed in float32 (mld.md §8).
+    # Diversity, MultiModality and KID from random pairs (mld.md §8, §10). Clean: from all.
     drawn_pairs: DrawnPairs | None = None
-    """Diversity, MultiModality and KID from random pairs (mld.md §8, §10). Clean: from all."""
+    # The FID of the ground truth is that to itself in another order, nearly 0 (mld.md §10). Clean:
+    # between two random halves, the noise that a set of this size brings.
     permuted_truth: bool = False
-    """The FID of the ground truth is that to itself in another order, nearly 0 (mld.md §10).
-    Clean: between two random halves, the noise that a set of this size brings."""
+    # A VAE repeats a motion from latents drawn of its posterior (mld.md §8). Clean: from the mean.
     sampled_latents: bool = False
-    """A VAE repeats a motion from latents drawn of its posterior (mld.md §8). Clean: from the
-    mean."""
+    # MPJPE and ACCL sum over the padding of batches of 32 motions, and divide by the number of true
+    # frames (mld.md §9).
     padded_sums: bool = False
-    """MPJPE and ACCL sum over the padding of batches of 32 motions, and divide by the number of
-    true frames (mld.md §9)."""
+    # The GRU of the action classifier starts from a random state in every call (mld.md §10).
     random_state: bool = False
-    """The GRU of the action classifier starts from a random state in every call (mld.md §10)."""
+    # The deviation of replications is divided by their number (mld.md §8). Clean: by one less.
     population_deviation: bool = False
-    """The deviation of replications is divided by their number (mld.md §8). Clean: by one less."""
 
 
+# All quirks, as in the authors' evaluation.
 AUTHORS = Quirks(
     random_crops=True,
     random_captions=True,
@@ -90,49 +83,40 @@ AUTHORS = Quirks(
     random_state=True,
     population_deviation=True,
 )
-"""All quirks, as in the authors' evaluation."""
 
 
 @dataclass(frozen=True)
 class Repeats:
     """Size of MultiModality: many motions of one caption."""
 
+    # Captions, drawn without replacement; all if there are fewer. 0 leaves the metric out.
     texts: int = 100
-    """Captions, drawn without replacement; all if there are fewer. 0 leaves the metric out."""
-    samples: int = 10
-    """Motions of each caption."""
+    samples: int = 10  # Motions of each caption.
+    # Pairs of motions that are compared, the same for all captions; null for all pairs.
     pairs: int | None = None
-    """Pairs of motions that are compared, the same for all captions; null for all pairs."""
+    # Replications that measure it, since it needs the most motions of all metrics.
     replications: int = 5
-    """Replications that measure it, since it needs the most motions of all metrics."""
 
 
 @dataclass(frozen=True)
 class Protocol:
     """Rules of an evaluation."""
 
-    name: str
-    """Name in reports."""
-    split: str = "test"
-    """Split of the test prompts."""
-    replications: int = 20
-    """Repetitions of the evaluation with other random numbers."""
-    seed: int = 0
-    """All randomness derives from it, the replication and the item."""
-    group: int = 32
-    """Motions among which R-precision ranks."""
-    repeats: Repeats = field(default_factory=Repeats)
-    """MultiModality of captions."""
-    max_frames: int | None = None
-    """Longest motion; by default the model's own."""
+    name: str  # Name in reports.
+    split: str = "test"  # Split of the test prompts.
+    replications: int = 20  # Repetitions of the evaluation with other random numbers.
+    seed: int = 0  # All randomness derives from it, the replication and the item.
+    group: int = 32  # Motions among which R-precision ranks.
+    repeats: Repeats = field(default_factory=Repeats)  # MultiModality of captions.
+    max_frames: int | None = None  # Longest motion; by default the model's own.
+    # Lengths are multiples of this, as text-motion evaluators see four frames at a time; motions of
+    # actions keep their length.
     unit: int = 4
-    """Lengths are multiples of this, as text-motion evaluators see four frames at a time; motions
-    of actions keep their length."""
+    # Whether the distance to the nearest training clip, which is slow, is measured; in the first
+    # replication only.
     nearest_clip: bool = True
-    """Whether the distance to the nearest training clip, which is slow, is measured; in the first
-    replication only."""
+    # Peculiarities of the authors' code that are followed.
     quirks: Quirks = field(default_factory=Quirks)
-    """Peculiarities of the authors' code that are followed."""
 
     def __post_init__(self) -> None:
         if self.replications < 1:
@@ -156,22 +140,20 @@ class Protocol:
         return [int(sequence.generate_state(1)[0]) for sequence in sequences]
 
 
-CLEAN = Protocol("clean")
-"""The default protocol."""
+CLEAN = Protocol("clean")  # The default protocol.
 
+# The authors' evaluation, for figures that are compared with those of papers.
 PAPER = Protocol(
     "paper",
     repeats=Repeats(texts=100, samples=30, pairs=10, replications=20),
     quirks=AUTHORS,
 )
-"""The authors' evaluation, for figures that are compared with those of papers."""
 
-PROTOCOLS: dict[ProtocolName, Protocol] = {"clean": CLEAN, "paper": PAPER}
-"""Protocols by name."""
+PROTOCOLS: dict[ProtocolName, Protocol] = {"clean": CLEAN, "paper": PAPER}  # Protocols by name.
 
 
+# Representations of poses, whose last frame can be repeated if a clip is too short.
 HELD = ("smpl",)
-"""Representations of poses, whose last frame can be repeated if a clip is too short."""
 
 
 @dataclass(frozen=True)
@@ -180,28 +162,20 @@ class TestItem:
 
     __test__ = False
 
-    clip: Clip
-    """The clip."""
-    start: int
-    """First frame."""
-    end: int
-    """One past the last frame."""
-    captions: tuple[Caption, ...]
-    """Captions; empty if they are not needed."""
+    clip: Clip  # The clip.
+    start: int  # First frame.
+    end: int  # One past the last frame.
+    captions: tuple[Caption, ...]  # Captions; empty if they are not needed.
 
 
 @dataclass(frozen=True)
 class Lengths:
     """Lengths of the motions of a test set, in frames."""
 
-    shortest: int
-    """Shorter items are left out, or held at their last frame."""
-    longest: int
-    """Longest crop."""
-    unit: int
-    """Lengths are multiples of this."""
-    held: bool = False
-    """Whether short items are held."""
+    shortest: int  # Shorter items are left out, or held at their last frame.
+    longest: int  # Longest crop.
+    unit: int  # Lengths are multiples of this.
+    held: bool = False  # Whether short items are held.
 
     def of(self, item: TestItem) -> int:
         """Returns the greatest length that an item gives."""
@@ -215,14 +189,10 @@ class TestPrompt:
 
     __test__ = False
 
-    item: TestItem
-    """The item."""
-    start: int
-    """First frame of the crop."""
-    frames: int
-    """Length of the crop."""
-    caption: Caption | None
-    """The caption, if there is one."""
+    item: TestItem  # The item.
+    start: int  # First frame of the crop.
+    frames: int  # Length of the crop.
+    caption: Caption | None  # The caption, if there is one.
 
     def text(self, task: Task) -> str:
         """Returns the prompt for a model of a task."""
@@ -233,12 +203,9 @@ class TestPrompt:
 class Replication:
     """One replication: its test prompts, and the real motions that answer them."""
 
-    number: int
-    """Its number, from 0."""
-    prompts: tuple[TestPrompt, ...]
-    """One per item."""
-    features: list[Float[np.ndarray, "_ features"]]
-    """The real motions, in their own units."""
+    number: int  # Its number, from 0.
+    prompts: tuple[TestPrompt, ...]  # One per item.
+    features: list[Float[np.ndarray, "_ features"]]  # The real motions, in their own units.
 
     @property
     def frames(self) -> list[int]:
@@ -252,14 +219,10 @@ class TestSet:
 
     __test__ = False
 
-    dataset: Dataset
-    """Source of prompts and real motions."""
-    protocol: Protocol
-    """Rules of the choice."""
-    needs: TaskName
-    """Task whose prompts clips must have: captions, a label, or nothing."""
-    lengths: Lengths
-    """Lengths of the motions."""
+    dataset: Dataset  # Source of prompts and real motions.
+    protocol: Protocol  # Rules of the choice.
+    needs: TaskName  # Task whose prompts clips must have: captions, a label, or nothing.
+    lengths: Lengths  # Lengths of the motions.
 
     @cached_property
     def clips(self) -> list[Clip]:

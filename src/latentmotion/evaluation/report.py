@@ -30,9 +30,10 @@ from latentmotion.storage.provenance import commit
 
 REPORT_FILE = "report.json"
 PAGE_FILE = "report.md"
-GROUND_TRUTH = "ground truth"
-"""Row of the real motions."""
+GROUND_TRUTH = "ground truth"  # Row of the real motions.
 
+# Unit of each metric, in the order of reports; ↓ if less is better, ↑ if more is, → if close to the
+# ground truth is.
 UNITS = {
     "MPJPE": "mm ↓",
     "PA-MPJPE": "mm ↓",
@@ -60,20 +61,16 @@ UNITS = {
     "Penetration": "mm ↓",
     "Nearest clip": "mm",
 }
-"""Unit of each metric, in the order of reports; ↓ if less is better, ↑ if more is, → if close to
-the ground truth is."""
 
 
 @dataclass(frozen=True)
 class Figure:
     """A measured number."""
 
-    mean: float
-    """Mean over the replications."""
+    mean: float  # Mean over the replications.
+    # Half of the 95 % interval of the mean; null for a single replication.
     interval: float | None = None
-    """Half of the 95 % interval of the mean; null for a single replication."""
-    values: tuple[float, ...] = ()
-    """Figure of each replication."""
+    values: tuple[float, ...] = ()  # Figure of each replication.
 
     @classmethod
     def of(cls, values: Sequence[float], population: bool = False) -> Figure:
@@ -98,46 +95,30 @@ class Figure:
 class ReportProvenance:
     """Data, models, evaluator and versions behind a report."""
 
-    KIND: ClassVar[str] = "Provenance"
-    """Its name in files."""
-    data: str
-    """The prepared folder."""
-    data_hash: str
-    """SHA-256 of its manifest, which holds those of its shards."""
-    weights: Mapping[str, str]
-    """Hash of the model's files, by row."""
-    statistics: Mapping[str, str]
-    """SHA-256 of the model's normalizer, by row."""
-    models: Mapping[str, str]
-    """Name of the model, by row."""
-    sampling: Mapping[str, str]
-    """Sampler, steps and guidance, by row."""
-    evaluator: str
-    """Fingerprint of the evaluator; empty without one."""
-    body: str
-    """SHA-256 of the SMPL model file of the joints; empty without one."""
+    KIND: ClassVar[str] = "Provenance"  # Its name in files.
+    data: str  # The prepared folder.
+    data_hash: str  # SHA-256 of its manifest, which holds those of its shards.
+    weights: Mapping[str, str]  # Hash of the model's files, by row.
+    statistics: Mapping[str, str]  # SHA-256 of the model's normalizer, by row.
+    models: Mapping[str, str]  # Name of the model, by row.
+    sampling: Mapping[str, str]  # Sampler, steps and guidance, by row.
+    evaluator: str  # Fingerprint of the evaluator; empty without one.
+    body: str  # SHA-256 of the SMPL model file of the joints; empty without one.
+    # Versions of this package, its commit, its libraries and the machine.
     versions: Mapping[str, str]
-    """Versions of this package, its commit, its libraries and the machine."""
 
 
 @dataclass(frozen=True)
 class Report:
     """Figures of an evaluation."""
 
-    rows: Mapping[str, Mapping[str, Figure]]
-    """Figures by row and metric; see `UNITS`."""
-    items: Mapping[str, int]
-    """Motions of a replication, by row."""
-    protocol: Protocol
-    """Rules of the evaluation."""
-    provenance: ReportProvenance
-    """Data, models, evaluator and versions."""
-    notes: tuple[str, ...] = ()
-    """Limits that a reader must know to compare the figures."""
-    warnings: tuple[str, ...] = ()
-    """Problems of the figures."""
-    cost: Cost | None = None
-    """Parameters, FLOPs and seconds, if they were measured."""
+    rows: Mapping[str, Mapping[str, Figure]]  # Figures by row and metric; see `UNITS`.
+    items: Mapping[str, int]  # Motions of a replication, by row.
+    protocol: Protocol  # Rules of the evaluation.
+    provenance: ReportProvenance  # Data, models, evaluator and versions.
+    notes: tuple[str, ...] = ()  # Limits that a reader must know to compare the figures.
+    warnings: tuple[str, ...] = ()  # Problems of the figures.
+    cost: Cost | None = None  # Parameters, FLOPs and seconds, if they were measured.
 
     def __getitem__(self, row: str) -> Mapping[str, Figure]:
         """Returns the figures of a row."""

@@ -40,14 +40,11 @@ Motions = Sequence[Float[np.ndarray, "_ features"]]
 class Embeddings:
     """An evaluator's embeddings of a set of motions and of their prompts."""
 
-    motions: Float[np.ndarray, "items width"]
-    """Embeddings of the motions."""
-    logits: Float[np.ndarray, "items labels"] | None = None
-    """Logits of an action classifier."""
-    labels: Int[np.ndarray, " items"] | None = None
-    """Labels of the prompts, if they have such."""
+    motions: Float[np.ndarray, "items width"]  # Embeddings of the motions.
+    logits: Float[np.ndarray, "items labels"] | None = None  # Logits of an action classifier.
+    labels: Int[np.ndarray, " items"] | None = None  # Labels of the prompts, if they have such.
+    # Embeddings of the captions, if there are such.
     texts: Float[np.ndarray, "items width"] | None = None
-    """Embeddings of the captions, if there are such."""
 
 
 class EmbeddingCache(ABC):
@@ -78,8 +75,7 @@ class EmbeddingCache(ABC):
 class TextMotionCache(EmbeddingCache):
     """An evaluator of motions and captions, with a cache of captions."""
 
-    evaluator: TextMotionEvaluator
-    """The evaluator."""
+    evaluator: TextMotionEvaluator  # The evaluator.
     _texts: dict[Caption, Float[np.ndarray, " width"]] = field(default_factory=dict)
 
     def embed(
@@ -107,8 +103,7 @@ class TextMotionCache(EmbeddingCache):
 class ActionCache(EmbeddingCache):
     """An action classifier."""
 
-    evaluator: ActionEvaluator
-    """The evaluator."""
+    evaluator: ActionEvaluator  # The evaluator.
 
     def embed(
         self, motions: Motions, replication: Replication, noise: np.random.Generator | None = None
@@ -311,16 +306,14 @@ def _prompt_scores(
 
 Joints = Float[np.ndarray, "_ joints 3"]
 
-BATCH = 32
-"""Motions that the authors pad together (mld.md §9)."""
+BATCH = 32  # Motions that the authors pad together (mld.md §9).
 
 
 @dataclass(frozen=True, eq=False)
 class PositionScores:
     """Metrics of the joints of a data set's representation."""
 
-    dataset: Dataset
-    """Source of representation, frame rate and training clips."""
+    dataset: Dataset  # Source of representation, frame rate and training clips.
 
     def quality(self, motions: Motions) -> Scores:
         """Returns foot sliding, jitter and floor penetration of motions."""

@@ -58,8 +58,8 @@ _BATCH, _TOKENS, _WORDS = 2, 7, 3
 # Further sizes of the pullback's example, which stay free as well.
 _ROWS, _FEATURES = 3, 67
 
+# Largest difference between graph and automatic differentiation, relative to the largest value.
 PULLBACK_TOLERANCE = 1e-5
-"""Largest difference between graph and automatic differentiation, relative to the largest value."""
 
 
 def export_denoiser(
@@ -334,14 +334,12 @@ def anonymous(model: ModelProto) -> ModelProto:
     return clean
 
 
+# Storage of large matrices: 8 bits with a scale for each row, or 16 bits.
 Weights = Literal["int8", "float16"]
-"""Storage of large matrices: 8 bits with a scale for each row, or 16 bits."""
 
-FEWEST = 256
-"""Minimum size of a tensor that is worth a reference."""
+FEWEST = 256  # Minimum size of a tensor that is worth a reference.
 
-BLOCK = 64
-"""Numbers that share a scale."""
+BLOCK = 64  # Numbers that share a scale.
 
 # MatMulNBits' name for products of integers.
 _EIGHT_BIT_INPUTS = 4
@@ -360,18 +358,12 @@ _HEADER_LENGTH = 8  # a safetensors file begins with the length of its JSON head
 class StoredTensor:
     """A tensor in a file, whole or a matrix in 8 bits with a scale for each row."""
 
-    kind: int
-    """ONNX's type of its numbers."""
-    shape: tuple[int, ...]
-    """Its shape in the file."""
-    offset: int
-    """Position of its first byte."""
-    length: int
-    """Number of bytes."""
-    scale: StoredTensor | None = None
-    """Scales of the rows of a matrix in 8 bits."""
-    transposed: bool = False
-    """Whether the graph has the transpose."""
+    kind: int  # ONNX's type of its numbers.
+    shape: tuple[int, ...]  # Its shape in the file.
+    offset: int  # Position of its first byte.
+    length: int  # Number of bytes.
+    scale: StoredTensor | None = None  # Scales of the rows of a matrix in 8 bits.
+    transposed: bool = False  # Whether the graph has the transpose.
 
     def external(self, name: str, file: str) -> TensorProto:
         """Returns the initializer that a graph reads from that file."""

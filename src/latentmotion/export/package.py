@@ -55,14 +55,12 @@ from latentmotion.storage.files import atomic_file, atomic_folder
 from latentmotion.storage.provenance import PIPELINE, front_matter, license_fields
 from latentmotion.text.encoder import load_text_encoder
 
+# Largest difference allowed between the outputs of a graph and of its network.
 TOLERANCE: dict[GraphPrecision, float] = {"float32": 1e-4, "int8": 0.1}
-"""Largest difference allowed between the outputs of a graph and of its network."""
 
-MOST_FUSED = 4
-"""Maximum number of steps of a fused sampler: each step adds to its size."""
+MOST_FUSED = 4  # Maximum number of steps of a fused sampler: each step adds to its size.
 
-WriteTextEncoder = Callable[[Path], None]
-"""Writes the files of a text encoder into a folder."""
+WriteTextEncoder = Callable[[Path], None]  # Writes the files of a text encoder into a folder.
 
 
 def package_model(

@@ -46,8 +46,8 @@ WEIGHTS_FILE = "weights.bin"
 SECONDS_FILE = "seconds.onnx"
 FORMAT = "latentmotion web 1"
 
+# Largest distance allowed between joints of the graph and of the model, meters.
 TOLERANCE: dict[Weights, float] = {"int8": 0.15, "float16": 1e-4}
-"""Largest distance allowed between joints of the graph and of the model, meters."""
 
 # Minimum size of a tensor that is kept in the file of weights.
 _LEAST_BYTES = 1024
@@ -75,8 +75,8 @@ labels (int64[1,n] tokens) => (float[1,n,w] seen)
   seen = OneHot (tokens, depth, values)
 }"""
 
+# Parts from tokens to `seen`, each with its prefix and names, and the name of the words' mask.
 SeenPrompt = tuple[list[tuple[ModelProto, str, dict[str, str]]], str]
-"""Parts from tokens to `seen`, each with its prefix and names, and the name of the words' mask."""
 
 _HIDDEN_LAYER = """<ir_version: 10, opset_import: ["" : 20]>
 layer (float[1,n] into) => (float[1,m] out)

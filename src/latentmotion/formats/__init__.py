@@ -23,9 +23,10 @@ if TYPE_CHECKING:
     from latentmotion.formats.takes import SkeletonTake
     from latentmotion.kinematics.standing import Stated
 
+# Programs and data sets whose bones `formats/engines.py` knows.
 EngineName = Literal["unreal", "unity", "godot", "mixamo", "lafan", "cmu"]
-"""Programs and data sets whose bones `formats/engines.py` knows."""
 
+# Each ending that can be written, with the `module:function` that writes it.
 ENDINGS: Mapping[str, str] = MappingProxyType(
     {
         ".npz": "latentmotion.formats.npz:write",
@@ -47,8 +48,8 @@ ENDINGS: Mapping[str, str] = MappingProxyType(
         ".png": "latentmotion.render.strip:write",
     }
 )
-"""Each ending that can be written, with the `module:function` that writes it."""
 
+# Each ending of ours that can be read, with the `module:function` that reads it.
 READABLE: Mapping[str, str] = MappingProxyType(
     {
         ".npz": "latentmotion.formats.npz:read",
@@ -66,7 +67,6 @@ READABLE: Mapping[str, str] = MappingProxyType(
         ),
     }
 )
-"""Each ending of ours that can be read, with the `module:function` that reads it."""
 
 
 _MARKERS = (

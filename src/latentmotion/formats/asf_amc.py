@@ -39,16 +39,13 @@ _Line = tuple[int, list[str]]
 class Bone:
     """One bone; the root is a bone of length 0."""
 
-    name: str = ""
-    """Its name in ASF and AMC."""
+    name: str = ""  # Its name in ASF and AMC.
+    # Unit vector from its start to its end; None until its line is read.
     direction: Float[np.ndarray, " 3"] | None = None
-    """Unit vector from its start to its end; None until its line is read."""
-    length: float | None = None
-    """Meters; None until its line is read."""
+    length: float | None = None  # Meters; None until its line is read.
+    # C: its own axes in world axes, in the columns.
     axes: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
-    """C: its own axes in world axes, in the columns."""
-    channels: tuple[str, ...] = ()
-    """Meaning of each of its numbers in the AMC, e.g. RX."""
+    channels: tuple[str, ...] = ()  # Meaning of each of its numbers in the AMC, e.g. RX.
 
     @property
     def order(self) -> str:
@@ -65,16 +62,11 @@ class Bone:
 class AsfSkeleton:
     """The content of an ASF file."""
 
-    meters: float
-    """Meters per unit of length."""
-    degrees: bool
-    """Whether angles are in degrees rather than radians."""
-    position: Float[np.ndarray, " 3"]
-    """Root position in the rest pose, in the file's unit."""
-    bones: dict[str, Bone]
-    """By name, each after its parent, the root first."""
-    parents: dict[str, str]
-    """Name of each bone's parent; the root has none."""
+    meters: float  # Meters per unit of length.
+    degrees: bool  # Whether angles are in degrees rather than radians.
+    position: Float[np.ndarray, " 3"]  # Root position in the rest pose, in the file's unit.
+    bones: dict[str, Bone]  # By name, each after its parent, the root first.
+    parents: dict[str, str]  # Name of each bone's parent; the root has none.
 
 
 def read_asf(path: str | Path) -> AsfSkeleton:

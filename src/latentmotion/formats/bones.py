@@ -37,14 +37,12 @@ _LEAST_FPS, _MOST_FPS = 8.0, 1000.0
 class WorldPose:
     """Positions and rotations of joints in the world, over time or of one pose."""
 
-    positions: Float[np.ndarray, "... joints 3"]
-    """Meters, y up."""
-    rotations: Float[np.ndarray, "... joints 3 3"]
-    """Rotations in the world."""
+    positions: Float[np.ndarray, "... joints 3"]  # Meters, y up.
+    rotations: Float[np.ndarray, "... joints 3 3"]  # Rotations in the world.
 
 
+# A bone in the world: its position, its rotation, and its matrix with all scales.
 Frame = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""A bone in the world: its position, its rotation, and its matrix with all scales."""
 
 
 def placed(
@@ -125,10 +123,9 @@ def even_rate(
 class BoneAxes:
     """The axes of all joints in rest pose, and the change of basis that they imply."""
 
-    skeleton: Skeleton
-    """The skeleton with these joints."""
+    skeleton: Skeleton  # The skeleton with these joints.
+    # Axes of each joint, in the columns; y points to the next joint.
     world: Float[np.ndarray, "joints 3 3"]
-    """Axes of each joint, in the columns; y points to the next joint."""
 
     @property
     def above(self) -> Float[np.ndarray, "joints 3 3"]:

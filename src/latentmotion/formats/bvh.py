@@ -45,16 +45,13 @@ _CHANNEL = re.compile(r"([xyz])(position|rotation)", re.IGNORECASE)
 class BvhNode:
     """One `ROOT`, `JOINT` or `End Site` block."""
 
-    name: str
-    """Its name; an end site is `<parent>_end`."""
-    parent: int
-    """Index of its parent; -1 for the root."""
-    is_end: bool = False
-    """Whether it is an end site."""
+    name: str  # Its name; an end site is `<parent>_end`.
+    parent: int  # Index of its parent; -1 for the root.
+    is_end: bool = False  # Whether it is an end site.
+    # From its parent, in the file's unit; None until its line is read.
     offset: Float[np.ndarray, " 3"] | None = None
-    """From its parent, in the file's unit; None until its line is read."""
+    # Axis (`X`) and kind (`position` or `rotation`) of each of its columns.
     channels: list[tuple[str, str]] = field(default_factory=list)
-    """Axis (`X`) and kind (`position` or `rotation`) of each of its columns."""
 
     @property
     def order(self) -> str:
@@ -205,14 +202,12 @@ class _BvhReader:
 class BvhLayout:
     """How a BVH file is written."""
 
+    # Axes of the rotation channels; with ZXY an upright body is far from the singularity.
     order: str = "ZXY"
-    """Axes of the rotation channels; with ZXY an upright body is far from the singularity."""
-    meters: float = 0.01
-    """Meters per unit."""
+    meters: float = 0.01  # Meters per unit.
 
 
-OURS = BvhLayout()
-"""The layout of the files that we write."""
+OURS = BvhLayout()  # The layout of the files that we write.
 
 
 # Meters up to which a joint counts as staying at its offset.

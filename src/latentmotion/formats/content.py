@@ -18,6 +18,7 @@ from latentmotion.errors import DiskFullError, InputError, LatentMotionError
 from latentmotion.motion import Motion
 from latentmotion.viewer.page import payload
 
+# Each format and its media type.
 MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
     {
         "json": "application/json",
@@ -40,7 +41,6 @@ MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
         "zip": "application/zip",
     }
 )
-"""Each format and its media type."""
 
 
 def encoded(motions: Sequence[Motion], form: str) -> tuple[bytes, str]:

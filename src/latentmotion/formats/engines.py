@@ -51,21 +51,15 @@ from latentmotion.storage.files import write_file
 class Engine:
     """Conventions of a game engine for figures."""
 
-    root: str = ""
-    """Name of the root bone; empty where the hips are the root."""
-    bones: tuple[str, ...] = ()
-    """Names of the bones, in the order of HumanML3D's joints."""
-    fps: float = 30.0
-    """Usual frames per second of animations."""
-    endings: tuple[str, ...] = (".glb", ".gltf", ".fbx", ".bvh")
-    """Files that hold such figures."""
+    root: str = ""  # Name of the root bone; empty where the hips are the root.
+    bones: tuple[str, ...] = ()  # Names of the bones, in the order of HumanML3D's joints.
+    fps: float = 30.0  # Usual frames per second of animations.
+    endings: tuple[str, ...] = (".glb", ".gltf", ".fbx", ".bvh")  # Files that hold such figures.
+    # Joints of a data set in their order: name, parent, HumanML3D's joint. An empty joint rests at
+    # its parent. Without any, the tree is our own below the root.
     tree: tuple[tuple[str, str, str], ...] = ()
-    """Joints of a data set in their order: name, parent, HumanML3D's joint. An empty joint rests at
-    its parent. Without any, the tree is our own below the root."""
-    bvh: BvhLayout = OURS
-    """How BVH files of it are written."""
-    along_x: bool = False
-    """Whether bones lie along their own x, as LAFAN1's do."""
+    bvh: BvhLayout = OURS  # How BVH files of it are written.
+    along_x: bool = False  # Whether bones lie along their own x, as LAFAN1's do.
 
 
 # Standard deviation, seconds, of the Gaussian that takes the sway of steps out of root motion.
@@ -201,8 +195,7 @@ def mannequin_of(skeleton: Skeleton) -> Mannequin:
     return replace(body, vertices=vertices, joints=body.joints + 1, skeleton=skeleton)
 
 
-Clip = Mapping[str, Any]
-"""An entry of a set's table: state, loop, seconds, events."""
+Clip = Mapping[str, Any]  # An entry of a set's table: state, loop, seconds, events.
 
 _TEMPLATES = Path(__file__).with_name("engine_templates")
 

@@ -24,8 +24,8 @@ from latentmotion.storage.files import atomic_file, check_writable
 from latentmotion.storage.limits import MOST_TEXT
 from latentmotion.storage.reading import read_bytes
 
+# Environment variable that names Blender's program, or a Python that has `bpy`.
 VARIABLE = "LATENTMOTION_BLENDER"
-"""Environment variable that names Blender's program, or a Python that has `bpy`."""
 
 _SCRIPT = Path(__file__).with_name("blender_fbx.py")
 _DONE = "latentmotion: converted"

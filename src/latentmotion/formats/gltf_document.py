@@ -27,8 +27,7 @@ from latentmotion.storage import limits
 from latentmotion.storage.files import write_file
 from latentmotion.storage.reading import parse_json, read_bytes
 
-VERTICES, INDICES = 34962, 34963
-"""Targets of `add_array` for the arrays of a mesh."""
+VERTICES, INDICES = 34962, 34963  # Targets of `add_array` for the arrays of a mesh.
 
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COMPONENTS = {np.dtype(name): number for number, name in _DTYPES.items()}

@@ -338,16 +338,12 @@ def _stacked(arrays: Sequence[np.ndarray], dimensions: int) -> np.ndarray:
 class Track:
     """One property of one node over time."""
 
-    node: int
-    """Index of the node."""
-    path: str
-    """`translation`, `rotation` or `scale`."""
-    times: Float[np.ndarray, " keys"]
-    """Seconds, rising."""
+    node: int  # Index of the node.
+    path: str  # `translation`, `rotation` or `scale`.
+    times: Float[np.ndarray, " keys"]  # Seconds, rising.
+    # One row per key, three for a cubic spline; quaternions are (x, y, z, w).
     values: Float[np.ndarray, "rows values"]
-    """One row per key, three for a cubic spline; quaternions are (x, y, z, w)."""
-    interpolation: str
-    """`LINEAR`, `STEP` or `CUBICSPLINE`."""
+    interpolation: str  # `LINEAR`, `STEP` or `CUBICSPLINE`.
 
     def sample(self, times: Float[np.ndarray, " frames"]) -> Float[np.ndarray, "frames values"]:
         """Returns its values at any times; before the first and after the last key it holds."""

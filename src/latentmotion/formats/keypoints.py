@@ -45,8 +45,7 @@ from latentmotion.storage.array_files import names_in, read_array, read_arrays
 from latentmotion.storage.limits import MOST_FRAMES
 from latentmotion.storage.reading import blamed_on, csv_rows, read_json_file
 
-ENDINGS = (".npz", ".npy", ".json", ".csv")
-"""Endings of files that are read."""
+ENDINGS = (".npz", ".npy", ".json", ".csv")  # Endings of files that are read.
 
 _KEYS = ("points", "confidence", "fps", "names", "size", "focal")
 _AXES = ("x", "y", "z")
@@ -71,18 +70,13 @@ _LIMBS = (0.5, 2.0)
 class KeypointOptions:
     """What the user says about a recording, over what its file does."""
 
-    fps: float | None = None
-    """Frames per second."""
-    names: str | None = None
-    """Name of the layout."""
-    size: tuple[float, float] | None = None
-    """Width and height of the picture, pixels."""
-    focal: float | None = None
-    """Focal length, pixels."""
+    fps: float | None = None  # Frames per second.
+    names: str | None = None  # Name of the layout.
+    size: tuple[float, float] | None = None  # Width and height of the picture, pixels.
+    focal: float | None = None  # Focal length, pixels.
+    # Axis that points up, of points in 3D: y, -y, z and so on; by default shown by the body.
     up: str | None = None
-    """Axis that points up, of points in 3D: y, -y, z and so on; by default shown by the body."""
-    unit: str | float | None = None
-    """Unit of length of points in 3D; by default shown by the body."""
+    unit: str | float | None = None  # Unit of length of points in 3D; by default shown by the body.
 
 
 def read_keypoints(path: str | Path, stated: KeypointOptions = KeypointOptions()) -> Keypoints:

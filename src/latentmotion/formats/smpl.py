@@ -69,9 +69,9 @@ _JOINTS, _SMPLX_JOINTS = len(HUMANML3D), 55
 # From our axes, y up, to AMASS's, z up.
 _Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
+# Pelvis in the templates of SMPL and SMPL-H, and in that of SMPL-X, to the centimeter: `trans`
+# moves the template, not the pelvis.
 PELVIS, _PELVIS_X = np.array([0, -0.22, 0.03]), np.array([0, -0.35, 0.01])
-"""Pelvis in the templates of SMPL and SMPL-H, and in that of SMPL-X, to the centimeter: `trans`
-moves the template, not the pelvis."""
 
 
 def write_amass(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
@@ -144,11 +144,11 @@ def write_smpl(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     return _write(path, motions, layout)
 
 
+# Arrays that are read.
 KEYS = frozenset(
     {"poses", "trans", "global_orient", "body_pose", "transl", "caption", "metadata"}
     | {"mocap_framerate", "mocap_frame_rate", "fps"}
 )
-"""Arrays that are read."""
 
 
 def is_smpl(keys: Collection[str]) -> bool:
@@ -192,8 +192,7 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
         return Motion(joints, rates[0], caption=caption, metadata=notes)
 
 
-MOTIONX_NUMBERS = 322
-"""Numbers of a frame of Motion-X."""
+MOTIONX_NUMBERS = 322  # Numbers of a frame of Motion-X.
 
 # Motion-X has 30 frames per second, but for HumanML3D's and GRAB's, which its scripts take at 20.
 _MOTIONX_FPS, _AT_20 = 30.0, {"humanml", "GRAB"}
@@ -281,12 +280,11 @@ _PERSONS, _CAMERA = "hps", "camera.npy"
 class PersonTrack:
     """A person in the frames in which it is seen."""
 
+    # Of SMPL's first joints relative to their parents.
     rotations: Float[np.ndarray, "frames joints 3 3"]
-    """Of SMPL's first joints relative to their parents."""
+    # Translation of the template in the world, meters; None in a camera's axes.
     trans: Float[np.ndarray, "frames 3"] | None
-    """Translation of the template in the world, meters; None in a camera's axes."""
-    frames: Int[np.ndarray, " frames"]
-    """Numbers of the frames, rising."""
+    frames: Int[np.ndarray, " frames"]  # Numbers of the frames, rising.
 
 
 def read(path: str | Path) -> list[SkeletonTake]:

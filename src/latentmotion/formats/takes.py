@@ -27,26 +27,24 @@ from latentmotion.kinematics.standing import (
 from latentmotion.motion import Motion
 from latentmotion.storage.reading import parse_json
 
+# Our own skeletons by the names of their joints.
 OURS = {skeleton.names: skeleton for skeleton in (HUMANML3D, KIT, BODY)}
-"""Our own skeletons by the names of their joints."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkeletonTake:
     """One animation of a file, in the file's own unit and axes."""
 
-    animation: Animation
-    """Of the file's skeleton."""
+    animation: Animation  # Of the file's skeleton.
+    # The file's `caption` and other metadata.
     notes: Mapping[str, Any] = field(default_factory=dict)
-    """The file's `caption` and other metadata."""
+    # VRM's names of its joints, where the file itself has them.
     declared: Mapping[str, int] = field(default_factory=dict)
-    """VRM's names of its joints, where the file itself has them."""
+    # Meters per unit as the format or the file says; None where neither does.
     meters: float | None = 1.0
-    """Meters per unit as the format or the file says; None where neither does."""
+    # Whether a tracker made it of a video: its rate is a guess, its axes may be the camera's.
     from_video: bool = False
-    """Whether a tracker made it of a video: its rate is a guess, its axes may be the camera's."""
-    path_is_missing: bool = False
-    """Whether the body stays in place although it moved."""
+    path_is_missing: bool = False  # Whether the body stays in place although it moved.
 
 
 def read_bvh_file(path: str | Path) -> list[SkeletonTake]:

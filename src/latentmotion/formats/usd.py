@@ -40,8 +40,7 @@ except ImportError as error:
     raise MissingExtraError("USD", "usd-core", "usd") from error
 
 FIGURE = "/Figure"
-NOTES = "latentmotion"
-"""Key of the custom data of a take."""
+NOTES = "latentmotion"  # Key of the custom data of a take.
 
 
 def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:

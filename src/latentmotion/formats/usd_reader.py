@@ -29,9 +29,9 @@ from latentmotion.storage.limits import USD_SECONDS
 from latentmotion.storage.reading import parse_json
 
 _PROGRAM = "latentmotion.formats.usd_figure"
+# Exit codes: the file is damaged, or the result cannot be written; a line on standard output says
+# why.
 REFUSED, UNWRITTEN = 3, 4
-"""Exit codes: the file is damaged, or the result cannot be written; a line on standard output says
-why."""
 
 
 def read_takes(path: str | Path) -> list[SkeletonTake]:

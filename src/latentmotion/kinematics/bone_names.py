@@ -25,8 +25,8 @@ from latentmotion.errors import DataError
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.plugins import plugins, warn_of
 
+# HumanML3D's name → a source joint, or the weights of several that sum to 1.
 JointMap = Mapping[str, str | Mapping[str, float]]
-"""HumanML3D's name → a source joint, or the weights of several that sum to 1."""
 
 _NAMESPACE = re.compile(r"^(.*:)?(mixamorig\d*_?)?", re.IGNORECASE)
 
@@ -79,25 +79,25 @@ def is_joint_map(value: object) -> bool:
     return valid
 
 
+# One of our joints → the names it may have, `plain`, the likeliest first.
 NameMap = Mapping[str, tuple[str, ...]]
-"""One of our joints → the names it may have, `plain`, the likeliest first."""
 
 SIDES = ("left", "right")
 
+# Meters from the wrist to the middle of the palm and to the tip of the middle finger.
 BEYOND_WRIST: Mapping[str, float] = MappingProxyType({"hand": 0.09, "fingertips": 0.18})
-"""Meters from the wrist to the middle of the palm and to the tip of the middle finger."""
 
+# Joints that every rig must have on both sides.
 LIMB_JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
-"""Joints that every rig must have on both sides."""
 
+# Joints without which a skeleton is no body.
 REQUIRED = tuple(f"{side}_{joint}" for side in SIDES for joint in LIMB_JOINTS)
-"""Joints without which a skeleton is no body."""
 
+# Joints that are derived from the others, or stay at rest, if a rig lacks them.
 OPTIONAL = (
     *("pelvis", "neck", "head", "left_collar", "right_collar", "left_foot", "right_foot"),
     *("spine1", "spine2", "spine3"),
 )
-"""Joints that are derived from the others, or stay at rest, if a rig lacks them."""
 
 _PREFIX = re.compile(
     r"^(.*[:|])?(mixamorig\d*[_:]?)?(?P<kind>def|org)?(?(kind)[-_])", re.IGNORECASE
@@ -158,10 +158,8 @@ def name_maps() -> Mapping[str, NameMap]:
 class NameMatch:
     """The joints that a convention finds in a skeleton."""
 
-    convention: str
-    """Name of the convention, a key of `name_maps`."""
-    joints: Mapping[str, int]
-    """Our joints that were found, and their indices."""
+    convention: str  # Name of the convention, a key of `name_maps`.
+    joints: Mapping[str, int]  # Our joints that were found, and their indices.
 
     @property
     def missing(self) -> tuple[str, ...]:

@@ -45,10 +45,8 @@ _HEAD, _TIP = "(head|kopf|頭)", "top|end|先"
 class Guess:
     """A guess for one of our joints."""
 
-    joint: int
-    """The rig's joint."""
-    reason: str
-    """The reason, for people to check."""
+    joint: int  # The rig's joint.
+    reason: str  # The reason, for people to check.
 
 
 def draft_map(skeleton: Skeleton) -> dict[str, Guess]:

@@ -53,12 +53,9 @@ class Humanoid:
         DataError: Joints are missing, or do not hang on each other as a body's do.
     """
 
-    skeleton: Skeleton
-    """The skeleton with these joints."""
-    joints: Mapping[str, int]
-    """Our name → the joint's index."""
-    names: str = "a map"
-    """Naming convention, for messages."""
+    skeleton: Skeleton  # The skeleton with these joints.
+    joints: Mapping[str, int]  # Our name → the joint's index.
+    names: str = "a map"  # Naming convention, for messages.
 
     def __post_init__(self) -> None:
         names = self.skeleton.names

@@ -173,9 +173,9 @@ def _solve_chain(
     return np.moveaxis(solution, 0, 1)
 
 
+# Meters that the bones leaving pelvis or chest may move relative to each other before the animation
+# translates those joints as well as rotating them.
 RIGID_TOLERANCE = 0.002
-"""Meters that the bones leaving pelvis or chest may move relative to each other before the
-animation translates those joints as well as rotating them."""
 
 # λ of the hinge at 20 fps: a limb bent by 18° already decides its hinge within a frame.
 _STIFFNESS = 0.1
@@ -197,21 +197,19 @@ _STRADDLE = {"knee": np.radians(7), "ankle": np.radians(3)}
 class Limb:
     """Two bones with a hinge between them."""
 
-    joints: tuple[str, str, str]
-    """The joints at its start, its bend and its end."""
-    hinge: tuple[int, int, int]
-    """Axis about which it bends in rest pose."""
+    joints: tuple[str, str, str]  # The joints at its start, its bend and its end.
+    hinge: tuple[int, int, int]  # Axis about which it bends in rest pose.
+    # A joint beyond its end that shows the plane of a straight limb: the toes.
     tip: str | None = None
-    """A joint beyond its end that shows the plane of a straight limb: the toes."""
 
 
+# The limbs of a person whose rest pose is a T.
 LIMBS = (
     Limb(("left_shoulder", "left_elbow", "left_wrist"), (0, -1, 0)),
     Limb(("right_shoulder", "right_elbow", "right_wrist"), (0, 1, 0)),
     Limb(("left_hip", "left_knee", "left_ankle"), (1, 0, 0), "left_foot"),
     Limb(("right_hip", "right_knee", "right_ankle"), (1, 0, 0), "right_foot"),
 )
-"""The limbs of a person whose rest pose is a T."""
 
 _LIMB_OF = {limb.joints[0]: limb for limb in LIMBS}
 

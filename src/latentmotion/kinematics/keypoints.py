@@ -41,6 +41,7 @@ _LEGS = "right_hip right_knee right_ankle left_hip left_knee left_ankle"
 _HEAD = "right_eye left_eye right_ear left_ear"
 _FEET = "left_big_toe left_small_toe left_heel right_big_toe right_small_toe right_heel"
 
+# Names of the keypoints of each layout, in order. OpenPose's Neck is `mid_shoulder`.
 LAYOUTS: Mapping[str, tuple[str, ...]] = {
     "humanml3d": HUMANML3D.names,
     "coco_17": _names(_COCO),
@@ -59,8 +60,8 @@ LAYOUTS: Mapping[str, tuple[str, ...]] = {
         "@_heel @_foot_index"
     ),
 }
-"""Names of the keypoints of each layout, in order. OpenPose's Neck is `mid_shoulder`."""
 
+# Keypoints that say too little about joints to be read.
 UNREAD = frozenset(
     name
     for names in LAYOUTS.values()
@@ -69,7 +70,6 @@ UNREAD = frozenset(
     and not name.endswith("foot_index")
     and name not in HUMANML3D.names
 )
-"""Keypoints that say too little about joints to be read."""
 
 # Weights of keypoints that are only near the joint whose name they have or stand for.
 _TRUST = {"ear": 0.25, "head_top": 0.25, "big_toe": 0.5, "foot_index": 0.5, "hip": 0.7}
@@ -83,18 +83,13 @@ class Keypoints:
         InputError: Sizes do not fit, a name is unknown, or a number is out of range.
     """
 
+    # Meters, y up; or pixels, right and down, where there are two coordinates. NaN: not seen.
     points: Float[np.ndarray, "frames keypoints coordinates"]
-    """Meters, y up; or pixels, right and down, where there are two coordinates. NaN: not seen."""
-    confidence: Float[np.ndarray, "frames keypoints"]
-    """0 where a point was not seen, up to 1."""
-    fps: float
-    """Frames per second."""
-    names: tuple[str, ...]
-    """One per keypoint."""
-    size: tuple[float, float] | None = None
-    """Width and height of the picture, pixels."""
-    focal: float | None = None
-    """Pixels for one meter at one meter's distance."""
+    confidence: Float[np.ndarray, "frames keypoints"]  # 0 where a point was not seen, up to 1.
+    fps: float  # Frames per second.
+    names: tuple[str, ...]  # One per keypoint.
+    size: tuple[float, float] | None = None  # Width and height of the picture, pixels.
+    focal: float | None = None  # Pixels for one meter at one meter's distance.
 
     def __post_init__(self) -> None:
         points, confidence = (np.asarray(x, np.float64) for x in (self.points, self.confidence))
@@ -263,6 +258,7 @@ def joint_weights(names: Sequence[str]) -> Float[np.ndarray, "keypoints joints"]
     return matrix
 
 
+# Limbs by which a body is measured.
 LIMBS = tuple(
     (f"{side}_{start}", f"{side}_{end}")
     for side in ("left", "right")
@@ -270,7 +266,6 @@ LIMBS = tuple(
         ("hip", "knee", "shoulder", "elbow"), ("knee", "ankle", "elbow", "wrist"), strict=True
     )
 )
-"""Limbs by which a body is measured."""
 
 
 def limb_ratio(

@@ -32,10 +32,8 @@ Joints = Float[np.ndarray, "frames joints 3"]
 class Recorded:
     """An animation whose rest pose stands."""
 
-    animation: Animation
-    """Rotations of all joints, meters, y up."""
-    body: Humanoid
-    """Its joints by our names."""
+    animation: Animation  # Rotations of all joints, meters, y up.
+    body: Humanoid  # Its joints by our names.
 
     @classmethod
     def of(cls, animation: Animation, body: Humanoid, joints: Joints) -> Recorded:

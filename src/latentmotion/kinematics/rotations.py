@@ -15,8 +15,8 @@ from jaxtyping import Float
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
 
+# The two vectors of a matrix that its 6D form keeps: HumanML3D's columns or PyTorch3D's rows.
 Layout = Literal["columns", "rows"]
-"""The two vectors of a matrix that its 6D form keeps: HumanML3D's columns or PyTorch3D's rows."""
 
 # Below this squared sine or angle the Taylor series is exact to the last bit.
 _SMALL = 1e-8

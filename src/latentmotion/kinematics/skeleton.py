@@ -183,21 +183,18 @@ _HUMANML3D, _HANDS, _KIT = (
 HUMANML3D = _HUMANML3D[0]
 """The 22 body joints of SMPL as HumanML3D orders them, with its canonical bone lengths."""
 
-HANDS = _HANDS[0]
-"""HumanML3D's body with the 30 finger joints of SMPL-H."""
+HANDS = _HANDS[0]  # HumanML3D's body with the 30 finger joints of SMPL-H.
 
-KIT = _KIT[0]
-"""The 21 joints of KIT-ML's Master Motor Map."""
+KIT = _KIT[0]  # The 21 joints of KIT-ML's Master Motor Map.
 
 # Directions of bones from which inverse kinematics measures rotations.
 HUMANML3D_DIRECTIONS, HANDS_DIRECTIONS, KIT_DIRECTIONS = _HUMANML3D[1], _HANDS[1], _KIT[1]
 
+# A body of 1.7 m in a T-pose with the 24 joints that SMPL's poses turn, in their order.
 BODY = _shipped("body")[0]
-"""A body of 1.7 m in a T-pose with the 24 joints that SMPL's poses turn, in their order."""
 
 
-MOST_FPS = 1000.0
-"""Frames per second above which a rate is taken for a mistake."""
+MOST_FPS = 1000.0  # Frames per second above which a rate is taken for a mistake.
 
 
 @dataclass(frozen=True, eq=False)

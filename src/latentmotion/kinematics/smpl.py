@@ -52,18 +52,14 @@ _HOW = "bring a SMPL model file as .npz or .pkl from https://smpl.is.tue.mpg.de"
 class SkinnedBody:
     """A skinned surface; NumPy or PyTorch arrays."""
 
-    template: Float[Any, "vertices 3"]
-    """The surface in rest pose, meters, y up."""
+    template: Float[Any, "vertices 3"]  # The surface in rest pose, meters, y up.
+    # Change of the surface per unit of each shape parameter.
     shape_directions: Float[Any, "vertices 3 shapes"]
-    """Change of the surface per unit of each shape parameter."""
+    # Change per unit of each entry of R - I of all joints but the root, row by row.
     pose_directions: Float[Any, "vertices 3 bends"]
-    """Change per unit of each entry of R - I of all joints but the root, row by row."""
-    joint_regressor: Float[Any, "joints vertices"]
-    """Each joint as a weighted mean of vertices."""
-    weights: Float[Any, "vertices joints"]
-    """Skinning weights; rows sum to 1."""
-    parents: tuple[int, ...]
-    """Index of each joint's parent; -1 for the root, which is joint 0."""
+    joint_regressor: Float[Any, "joints vertices"]  # Each joint as a weighted mean of vertices.
+    weights: Float[Any, "vertices joints"]  # Skinning weights; rows sum to 1.
+    parents: tuple[int, ...]  # Index of each joint's parent; -1 for the root, which is joint 0.
 
     def like(self, array: Any) -> SkinnedBody:
         """Returns the body as arrays of another one's library, precision and device."""
@@ -119,12 +115,9 @@ class SkinnedBody:
 class SmplModel:
     """A SMPL model file in memory."""
 
-    body: SkinnedBody
-    """Surface and bones, float32."""
-    faces: Int[np.ndarray, "faces 3"]
-    """Triangles of the surface."""
-    fingerprint: str
-    """Hash of the file."""
+    body: SkinnedBody  # Surface and bones, float32.
+    faces: Int[np.ndarray, "faces 3"]  # Triangles of the surface.
+    fingerprint: str  # Hash of the file.
 
     @property
     def skeleton(self) -> Skeleton:

@@ -28,6 +28,7 @@ from latentmotion.kinematics.humanoid import Humanoid
 from latentmotion.kinematics.inverse_kinematics import solve
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, check_fps
 
+# Units of length by name; `cmu` is Acclaim's unit, 5.644 cm, that conversions of CMU's keep.
 METERS_PER_UNIT: Mapping[str, float] = MappingProxyType(
     {
         "meters": 1.0,
@@ -39,7 +40,6 @@ METERS_PER_UNIT: Mapping[str, float] = MappingProxyType(
         "cmu": 0.0254 / 0.45,
     }
 )
-"""Units of length by name; `cmu` is Acclaim's unit, 5.644 cm, that conversions of CMU's keep."""
 
 # Lengths of a person's thigh and shank, meters.
 _LEG = (0.5, 1.3)
@@ -56,6 +56,7 @@ _OWN_LEG = (0.3, 1.5)
 # Lengths of a figure's legs in a unit that a user gives, meters.
 _STATED_LEG = (0.15, 4.0)
 
+# Axis that points up in a file → the axes of an upright figure in the file's, in the columns.
 AXES: Mapping[str, Float[np.ndarray, "3 3"]] = MappingProxyType(
     {
         "y": np.eye(3),
@@ -66,7 +67,6 @@ AXES: Mapping[str, Float[np.ndarray, "3 3"]] = MappingProxyType(
         "-x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
     }
 )
-"""Axis that points up in a file → the axes of an upright figure in the file's, in the columns."""
 
 # Cosine between the line from feet to head and an axis, from which a body stands along it.
 _UPRIGHT = 0.5
@@ -92,14 +92,12 @@ class Stated:
         InputError: A unit or an axis is unknown, or the rate is no rate.
     """
 
+    # Unit of length: a name of `METERS_PER_UNIT`, or meters per unit.
     unit: str | float | None = None
-    """Unit of length: a name of `METERS_PER_UNIT`, or meters per unit."""
-    up: str | None = None
-    """Axis that points up: a name of `AXES`."""
-    fps: float | None = None
-    """Frames per second."""
+    up: str | None = None  # Axis that points up: a name of `AXES`.
+    fps: float | None = None  # Frames per second.
+    # Joint maps for skeletons of unknown names; one is used where its joints are there.
     joint_maps: tuple[JointMap, ...] = ()
-    """Joint maps for skeletons of unknown names; one is used where its joints are there."""
 
     def __post_init__(self) -> None:
         if self.unit is not None:
@@ -110,8 +108,7 @@ class Stated:
             check_fps(self.fps)
 
 
-NOTHING = Stated()
-"""Nothing is stated: all is as the files and the bodies say."""
+NOTHING = Stated()  # Nothing is stated: all is as the files and the bodies say.
 
 
 def meters_per_unit(unit: str | float) -> float:
@@ -143,14 +140,11 @@ def meters_per_unit(unit: str | float) -> float:
 class Standing:
     """How a body stands in a file."""
 
-    meters: float
-    """Meters per unit of the file."""
-    up: str
-    """Axis of the file that points up."""
-    leg: float
-    """Length of thigh and shank, meters."""
+    meters: float  # Meters per unit of the file.
+    up: str  # Axis of the file that points up.
+    leg: float  # Length of thigh and shank, meters.
+    # What the body alone showed, one phrase each, with the option that overrules it.
     guesses: tuple[str, ...]
-    """What the body alone showed, one phrase each, with the option that overrules it."""
 
     @property
     def axes(self) -> Float[np.ndarray, "3 3"]:
@@ -304,10 +298,8 @@ def in_axes(animation: Animation, axes: Float[np.ndarray, "3 3"], scale: float) 
 class RestPose:
     """The rest pose of a body in its own file."""
 
-    axes: Float[np.ndarray, "3 3"]
-    """Its left, up and ahead in the file's axes, in the columns."""
-    leg: float
-    """Length of thigh and shank, in the file's unit."""
+    axes: Float[np.ndarray, "3 3"]  # Its left, up and ahead in the file's axes, in the columns.
+    leg: float  # Length of thigh and shank, in the file's unit.
 
     @classmethod
     def of(cls, body: Humanoid) -> RestPose:

@@ -28,52 +28,35 @@ from latentmotion.language.words import (
     uncounted,
 )
 
-GAITS = (*kinds("gait"), "move")
-"""Kinds of going on foot."""
+GAITS = (*kinds("gait"), "move")  # Kinds of going on foot.
 
 
 @dataclass(frozen=True)
 class ActWords:
     """An entry of the table."""
 
-    kind: str
-    """Kind of the claim; empty where the words ask for nothing."""
-    caption: str
-    """Kind of the claim of a caption; empty where its check measures nothing of it."""
-    words: tuple[str, ...] = ()
-    """Verbs in their base form."""
-    nouns: tuple[str, ...] = ()
-    """Base forms of those that name the act as nouns, too."""
-    things: tuple[str, ...] = ()
-    """Base forms of nouns that mostly name something else."""
-    phrases: tuple[str, ...] = ()
-    """Patterns of several words."""
-    unless: tuple[str, ...] = ()
-    """Patterns that must not follow."""
-    passive: bool = False
-    """Whether somebody else may do it to the person."""
-    begins: bool = False
-    """Whether its phrases stand at the beginning of a clause."""
-    slight: bool = False
-    """Whether the words imply a slight turn."""
-    pace: str = ""
-    """Pace that the words imply."""
+    kind: str  # Kind of the claim; empty where the words ask for nothing.
+    caption: str  # Kind of the claim of a caption; empty where its check measures nothing of it.
+    words: tuple[str, ...] = ()  # Verbs in their base form.
+    nouns: tuple[str, ...] = ()  # Base forms of those that name the act as nouns, too.
+    things: tuple[str, ...] = ()  # Base forms of nouns that mostly name something else.
+    phrases: tuple[str, ...] = ()  # Patterns of several words.
+    unless: tuple[str, ...] = ()  # Patterns that must not follow.
+    passive: bool = False  # Whether somebody else may do it to the person.
+    begins: bool = False  # Whether its phrases stand at the beginning of a clause.
+    slight: bool = False  # Whether the words imply a slight turn.
+    pace: str = ""  # Pace that the words imply.
 
 
 @dataclass(frozen=True)
 class Mention:
     """A place where a sentence names an act."""
 
-    act: ActWords
-    """The act."""
-    start: int
-    """First token."""
-    end: int
-    """One past the last token."""
-    form: str = ""
-    """Form of the verb, as `inflection.forms` names it; `noun`; empty for a phrase."""
-    base: str = ""
-    """Base form of the verb; empty for a phrase."""
+    act: ActWords  # The act.
+    start: int  # First token.
+    end: int  # One past the last token.
+    form: str = ""  # Form of the verb, as `inflection.forms` names it; `noun`; empty for a phrase.
+    base: str = ""  # Base form of the verb; empty for a phrase.
 
 
 @cache

@@ -128,8 +128,7 @@ def _end(tokens: Sequence[Token], start: int) -> int:
 
 
 Tokens = Sequence[Token]
-Told = tuple[Claim, Mention]
-"""A claim, and the words that make it."""
+Told = tuple[Claim, Mention]  # A claim, and the words that make it.
 
 
 @lru_cache(maxsize=1024)  # a prompt is read again for each of its takes

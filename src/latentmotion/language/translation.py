@@ -42,12 +42,9 @@ _BETWEEN = f" '-{_STOPS}"
 class Translation:
     """A sentence of another language as it was understood."""
 
-    english: str
-    """What was understood."""
-    language: str
-    """ISO 639-1."""
-    left: tuple[str, ...]
-    """What was not understood."""
+    english: str  # What was understood.
+    language: str  # ISO 639-1.
+    left: tuple[str, ...]  # What was not understood.
 
     def __str__(self) -> str:
         note = f'understood: "{self.english}"'

@@ -21,34 +21,28 @@ from latentmotion.language.claims import LEFT, RIGHT, data
 
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+|[°.,;:!?]|(?<=\d)\s?[-–](?=\s?\d)")
 _WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")
+# What separates movements that follow each other.
 THEN = re.compile(r"\s*(?:[,;.]?\s+(?:and\s+)?then\b|;|\.\s|,\s+(?:and\s+)?finally\b)\s*", re.I)
-"""What separates movements that follow each other."""
 
+# Endings in which two forms of a word may differ.
 ENDINGS = ("s", "es", "ed", "d", "ing", "ly", "er", "ers", "e", "y", "ies")
-"""Endings in which two forms of a word may differ."""
 
-ANGLES = (45, 90, 180, 270, 360, 540, 720)
-"""Numbers that are degrees without the word: "do a 180"."""
+ANGLES = (45, 90, 180, 270, 360, 540, 720)  # Numbers that are degrees without the word: "do a 180".
 
 # Words and marks between two clauses, and the first of the second: ", and then quickly waves".
 _MOST_LEADS = 7
 
-STOPS = frozenset(".,;:!?")
-"""Punctuation."""
+STOPS = frozenset(".,;:!?")  # Punctuation.
 
 
 @dataclass(frozen=True)
 class Token:
     """A word, a number or a punctuation mark."""
 
-    text: str
-    """In lower case."""
-    start: int
-    """First character in the sentence."""
-    end: int
-    """One past the last."""
-    number: float = 0.0
-    """What it says, zero where it is no number."""
+    text: str  # In lower case.
+    start: int  # First character in the sentence.
+    end: int  # One past the last.
+    number: float = 0.0  # What it says, zero where it is no number.
 
 
 @cache

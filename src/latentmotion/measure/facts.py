@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-FPS = 20.0
-"""Frames per second of every motion that is described."""
+FPS = 20.0  # Frames per second of every motion that is described.
 
 LEFT, RIGHT, BOTH = "left", "right", "both"
 SIDES = (LEFT, RIGHT)
@@ -20,20 +19,16 @@ SIDES = (LEFT, RIGHT)
 class Event:
     """An event or a state that lasts from one frame to another."""
 
-    kind: str
-    """Name of what happens, e.g. `walk`, `turn`, `sit`, `kick`."""
-    start: int
-    """First frame."""
-    end: int
-    """One past the last frame."""
+    kind: str  # Name of what happens, e.g. `walk`, `turn`, `sit`, `kick`.
+    start: int  # First frame.
+    end: int  # One past the last frame.
+    # `left`, `right` or `both`: the side of a turn, or of the hand, foot or knee that acts.
     side: str = ""
-    """`left`, `right` or `both`: the side of a turn, or of the hand, foot or knee that acts."""
+    # Direction in the body frame (`forward`, `backward`, `left`, `right`, `up`, `place`).
     direction: str = ""
-    """Direction in the body frame (`forward`, `backward`, `left`, `right`, `up`, `place`)."""
+    # Degrees of a turn, meters per second of a move, meters of height of everything else.
     amount: float = 0.0
-    """Degrees of a turn, meters per second of a move, meters of height of everything else."""
-    count: int = 1
-    """Number of repetitions, e.g. swings of a waving hand."""
+    count: int = 1  # Number of repetitions, e.g. swings of a waving hand.
 
     @property
     def frames(self) -> int:
@@ -55,47 +50,40 @@ class Event:
 class FloorPath:
     """The path of the pelvis over the floor."""
 
-    length: float
-    """Meters walked, small sways left out."""
+    length: float  # Meters walked, small sways left out.
+    # Displacement, meters, in the direction faced at the start; negative is backward.
     forward: float
-    """Displacement, meters, in the direction faced at the start; negative is backward."""
-    left: float
-    """Displacement, meters, to the left of the direction faced at the start."""
+    left: float  # Displacement, meters, to the left of the direction faced at the start.
+    # Sum of the meters moved in the direction faced at the time; negative is backward.
     ahead: float
-    """Sum of the meters moved in the direction faced at the time; negative is backward."""
-    sideways: float
-    """Sum of the meters moved to the left of the direction faced at the time."""
+    sideways: float  # Sum of the meters moved to the left of the direction faced at the time.
+    # Degrees by which the heading changed from start to end, turns added up; left is positive.
     turned: float
-    """Degrees by which the heading changed from start to end, turns added up; left is positive."""
-    closed: bool
-    """Whether a long path ends near its start."""
+    closed: bool  # Whether a long path ends near its start.
+    # Radius of the last third of a circle over that of the first, minus one; zero otherwise.
     widening: float = 0.0
-    """Radius of the last third of a circle over that of the first, minus one; zero otherwise."""
 
 
 @dataclass(frozen=True)
 class Description:
     """The facts of one motion."""
 
-    frames: int
-    """Its length."""
-    path: FloorPath
-    """Its path over the floor."""
+    frames: int  # Its length.
+    path: FloorPath  # Its path over the floor.
+    # `stand`, `walk`, `jog` and `run`, one after another without gaps, by direction and speed.
     moves: tuple[Event, ...]
-    """`stand`, `walk`, `jog` and `run`, one after another without gaps, by direction and speed."""
+    # `turn` by degrees to a side; direction `walking` or `place`; may overlap moves.
     turns: tuple[Event, ...]
-    """`turn` by degrees to a side; direction `walking` or `place`; may overlap moves."""
+    # `stand`, `crouch`, `bend`, `kneel`, `sit`, `floor` (sitting on it), `lie`, without gaps.
     postures: tuple[Event, ...]
-    """`stand`, `crouch`, `bend`, `kneel`, `sit`, `floor` (sitting on it), `lie`, without gaps."""
+    # All else, by start: jump, hop, kick, knee, balance, climb, raise, wave, punch, arm_circle,
+    # clap, squat, bow, pick_up, sit_down, stand_up, lie_down, get_up, kneel_down.
     events: tuple[Event, ...]
-    """All else, by start: jump, hop, kick, knee, balance, climb, raise, wave, punch, arm_circle,
-    clap, squat, bow, pick_up, sit_down, stand_up, lie_down, get_up, kneel_down."""
-    steps: int
-    """Number of steps of both feet."""
+    steps: int  # Number of steps of both feet.
+    # Largest turn, degrees, of the shoulders to the left and right of the hips.
     twist: tuple[float, float] = (0.0, 0.0)
-    """Largest turn, degrees, of the shoulders to the left and right of the hips."""
+    # Mean speed of hands, feet and head, m/s; below 0.12 the body is nearly still.
     activity: float = 1.0
-    """Mean speed of hands, feet and head, m/s; below 0.12 the body is nearly still."""
 
     @property
     def seconds(self) -> float:
@@ -135,26 +123,16 @@ def among(
 class SingleAction:
     """One action of a clip and the window that shows nothing else."""
 
-    kind: str
-    """Name of the action, such as `walk`, `punch` or `turn_then_walk`."""
-    start: int
-    """First frame of the window (20 frames per second)."""
-    end: int
-    """One past the last frame of the window."""
-    side: str = ""
-    """`left`, `right`, `both`, or nothing where no side applies."""
-    direction: str = ""
-    """`forward`, `backward`, `left`, `right`, `up`, `down`, or nothing."""
-    count: int = 1
-    """Number of repetitions; 1 where they are not counted."""
-    degrees: float = 0.0
-    """Net change of heading over the window, in degrees; 0 where none."""
-    gait: str = ""
-    """`walk`, `jog` or `run` while turning or circling; nothing on the spot."""
-    pace: str = ""
-    """`slow`, `normal` or `fast` for gaits; nothing where no pace applies."""
-    act: tuple[int, int] = (0, 0)
-    """First frame and one past the last frame of the act itself."""
+    kind: str  # Name of the action, such as `walk`, `punch` or `turn_then_walk`.
+    start: int  # First frame of the window (20 frames per second).
+    end: int  # One past the last frame of the window.
+    side: str = ""  # `left`, `right`, `both`, or nothing where no side applies.
+    direction: str = ""  # `forward`, `backward`, `left`, `right`, `up`, `down`, or nothing.
+    count: int = 1  # Number of repetitions; 1 where they are not counted.
+    degrees: float = 0.0  # Net change of heading over the window, in degrees; 0 where none.
+    gait: str = ""  # `walk`, `jog` or `run` while turning or circling; nothing on the spot.
+    pace: str = ""  # `slow`, `normal` or `fast` for gaits; nothing where no pace applies.
+    act: tuple[int, int] = (0, 0)  # First frame and one past the last frame of the act itself.
 
     @property
     def frames(self) -> int:

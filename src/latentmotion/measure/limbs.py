@@ -30,18 +30,12 @@ from latentmotion.measure.signals import (
 class Flight:
     """An interval in which no foot touches the floor."""
 
-    start: int
-    """First frame in the air."""
-    end: int
-    """First frame back on the floor."""
-    rise: float
-    """Meters by which the pelvis is higher than at take-off and landing."""
-    travel: tuple[float, float]
-    """Meters flown to the left and ahead."""
-    leaves: str
-    """Foot or feet that touched the floor last."""
-    lands: str
-    """Foot or feet that touch it first."""
+    start: int  # First frame in the air.
+    end: int  # First frame back on the floor.
+    rise: float  # Meters by which the pelvis is higher than at take-off and landing.
+    travel: tuple[float, float]  # Meters flown to the left and ahead.
+    leaves: str  # Foot or feet that touched the floor last.
+    lands: str  # Foot or feet that touch it first.
 
 
 def flights_of(signals: Signals) -> list[Flight]:

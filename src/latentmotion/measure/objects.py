@@ -47,18 +47,12 @@ _CLIMBS = {"climb"}
 class ImpliedObject:
     """Something on which a body sits or stands."""
 
-    kind: str
-    """`seat`, `step` or `box`."""
-    height: float
-    """Meters from the floor to its top."""
-    place: tuple[float, float]
-    """x and z of the middle of its top, meters."""
-    degrees: float
-    """Direction that the body on it faces, from +z toward +x."""
-    start: float
-    """Seconds at which it begins to carry the body."""
-    end: float
-    """Seconds at which it last does."""
+    kind: str  # `seat`, `step` or `box`.
+    height: float  # Meters from the floor to its top.
+    place: tuple[float, float]  # x and z of the middle of its top, meters.
+    degrees: float  # Direction that the body on it faces, from +z toward +x.
+    start: float  # Seconds at which it begins to carry the body.
+    end: float  # Seconds at which it last does.
 
     @property
     def name(self) -> str:

@@ -42,10 +42,9 @@ def bends(dips: Iterable[Event], postures: Iterable[Event]) -> list[Event]:
 class Repetitions:
     """Number of repetitions of an act in a motion."""
 
-    full: tuple[Event, ...]
-    """The repetitions, by start; steps may overlap."""
+    full: tuple[Event, ...]  # The repetitions, by start; steps may overlap.
+    # Frames of movements that look like half a repetition, but are not counted.
     weak: tuple[int, ...]
-    """Frames of movements that look like half a repetition, but are not counted."""
 
 
 def repetitions(
@@ -96,6 +95,7 @@ def _hand(signals: Signals, side: str) -> Float[np.ndarray, " frames"]:
     return (signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder"))[:, 1]
 
 
+# Acts whose repetitions can be counted, and what finds them.
 COUNTED: Mapping[str, Callable[[Signals], list[Event]]] = MappingProxyType(
     {
         "jump": lambda signals: jumps(_airborne(signals)),
@@ -112,7 +112,6 @@ COUNTED: Mapping[str, Callable[[Signals], list[Event]]] = MappingProxyType(
         ],
     }
 )
-"""Acts whose repetitions can be counted, and what finds them."""
 
 # Signal that swings once with each repetition.
 _CURVES: Mapping[str, Callable[[Signals, str], list[Float[np.ndarray, " frames"]]]] = (

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from latentmotion.language.claims import kinds
 from latentmotion.measure.facts import BOTH, FPS, Description, Event, joined_moves
 
-STILL = 0.12
-"""Mean speed of hands, feet and head, m/s, below which a body stands still."""
+STILL = 0.12  # Mean speed of hands, feet and head, m/s, below which a body stands still.
 
+# Mean speed of hands, feet and head, m/s, above which a body in place moves its arms.
 LIVELY = 0.45
-"""Mean speed of hands, feet and head, m/s, above which a body in place moves its arms."""
 
 # Meters of the shortest move that is reported.
 _SHORTEST_WAY = 0.5
@@ -35,14 +34,10 @@ _SIDE_EFFECTS = (
 class ReportedAct:
     """One act that a sentence can report."""
 
-    event: Event
-    """The event, move, turn or posture."""
-    gait: Event | None = None
-    """The move that a turn is part of, or during which the hands act."""
-    posture: str = ""
-    """`crouch` or `bend`, if a move happens so."""
-    on: bool = False
-    """Whether a move only continues after a turn."""
+    event: Event  # The event, move, turn or posture.
+    gait: Event | None = None  # The move that a turn is part of, or during which the hands act.
+    posture: str = ""  # `crouch` or `bend`, if a move happens so.
+    on: bool = False  # Whether a move only continues after a turn.
 
     @property
     def kind(self) -> str:

@@ -14,11 +14,9 @@ from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.measure.facts import FPS, LEFT, RIGHT
 from latentmotion.representation.canonical import gaussian_smooth
 
-JOINT = {name: index for index, name in enumerate(HUMANML3D.names)}
-"""Index of each joint by name."""
+JOINT = {name: index for index, name in enumerate(HUMANML3D.names)}  # Index of each joint by name.
 
-STANDING = 0.92
-"""Meters from the floor to the pelvis of HumanML3D's body when it stands."""
+STANDING = 0.92  # Meters from the floor to the pelvis of HumanML3D's body when it stands.
 
 MIN_FRAMES = 4
 
@@ -27,20 +25,18 @@ MIN_FRAMES = 4
 class Signals:
     """Curves of one motion, 20 frames per second, meters, radians; the floor is at zero."""
 
-    joints: Float[np.ndarray, "frames 22 3"]
-    """Joint positions above the floor."""
+    joints: Float[np.ndarray, "frames 22 3"]  # Joint positions above the floor.
+    # Joints in the body frame: x to the left, y above the floor, z ahead of the pelvis.
     local: Float[np.ndarray, "frames 22 3"]
-    """Joints in the body frame: x to the left, y above the floor, z ahead of the pelvis."""
+    # Direction that the hips face, without jumps of a full turn; left is positive.
     heading: Float[np.ndarray, " frames"]
-    """Direction that the hips face, without jumps of a full turn; left is positive."""
+    # Velocity of the pelvis to its left and ahead, m/s, without the sway of single steps.
     velocity: Float[np.ndarray, "frames 2"]
-    """Velocity of the pelvis to its left and ahead, m/s, without the sway of single steps."""
-    tilt: Float[np.ndarray, " frames"]
-    """Degrees of the trunk away from upright."""
+    tilt: Float[np.ndarray, " frames"]  # Degrees of the trunk away from upright.
+    # Degrees by which the trunk leans forward; negative is backward.
     lean: Float[np.ndarray, " frames"]
-    """Degrees by which the trunk leans forward; negative is backward."""
+    # Height of the lowest joint of the left and right foot above where it stands.
     feet: Float[np.ndarray, "frames 2"]
-    """Height of the lowest joint of the left and right foot above where it stands."""
 
     @property
     def frames(self) -> int:

@@ -24,20 +24,16 @@ from latentmotion.measure.signals import (
     without_short_intervals,
 )
 
-MOVING = 0.22
-"""Speed, m/s, above which a body goes somewhere."""
+MOVING = 0.22  # Speed, m/s, above which a body goes somewhere.
 
-SLOW, FAST = 0.75, 1.55
-"""Speeds, m/s, below and above which a walk is slow or fast."""
+SLOW, FAST = 0.75, 1.55  # Speeds, m/s, below and above which a walk is slow or fast.
 
-RUN = 2.7
-"""Speed, m/s, above which a gait with flight is a run, not a jog."""
+RUN = 2.7  # Speed, m/s, above which a gait with flight is a run, not a jog.
 
 # Frames of the shortest move.
 _SHORTEST_MOVE = 8
 
-LEAST_TURN = 25.0
-"""Degrees of the smallest turn that is reported."""
+LEAST_TURN = 25.0  # Degrees of the smallest turn that is reported.
 
 
 def moves_of(
@@ -143,12 +139,12 @@ def path_of(signals: Signals, turns: tuple[Event, ...]) -> FloorPath:
     )
 
 
+# Height of the pelvis in meters, 0.92 m in a standing body, below which it is stooped, and degrees
+# of lean of its trunk from which it is. Chosen by hand; no source.
 STOOPED_PELVIS, STOOPED_LEAN = 0.84, 22.0
-"""Height of the pelvis in meters, 0.92 m in a standing body, below which it is stooped, and degrees
-of lean of its trunk from which it is. Chosen by hand; no source."""
 
+# Postures; `floor` is sitting on the floor.
 KINDS = ("stand", "crouch", "bend", "kneel", "sit", "floor", "lie")
-"""Postures; `floor` is sitting on the floor."""
 
 # Frames of the shortest posture and of the shortest pose.
 _SHORTEST_POSE = 6
@@ -172,8 +168,7 @@ _CHANGES = {
     ("lie", "kneel"): "get_up",
 }
 
-CHANGES = tuple(dict.fromkeys(_CHANGES.values()))
-"""Kinds of changes."""
+CHANGES = tuple(dict.fromkeys(_CHANGES.values()))  # Kinds of changes.
 
 # Changes that may be only the first half of another.
 _FIRST_HALF = {"sit_down": "lie_down", "kneel_down": "lie_down", "sit_up": "get_up"}

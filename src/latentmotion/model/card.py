@@ -36,11 +36,10 @@ from latentmotion.model.config import DenoiserConfig, LatentSpace, Sampling, VAE
 from latentmotion.storage import limits
 from latentmotion.storage.configuration import from_json, read_plain, write_json
 
-FORMAT = 2
-"""Version of model.json that this code writes and reads."""
+FORMAT = 2  # Version of model.json that this code writes and reads.
 
+# JSON Schema of model.json, as this code writes it.
 SCHEMA_FILE = Path(__file__).with_name("model.schema.json")
-"""JSON Schema of model.json, as this code writes it."""
 
 CARD_FILE = "model.json"
 README_FILE = "README.md"
@@ -48,86 +47,65 @@ TEXT_GRAPH_FILE = "text_encoder.onnx"
 TOKENIZER_FILE = "tokenizer.json"
 LENGTHS_FILE = "lengths.safetensors"
 MOVES_FILE = "moves.index"
+# Files of a model folder; those of the text encoder may be in the folder of another model.
 ENCODER_FILE = "encoder.onnx"
-"""Files of a model folder; those of the text encoder may be in the folder of another model."""
 
-DEFAULT = "fast"
-"""The model that generates by default: `starter`, distilled to few steps."""
+DEFAULT = "fast"  # The model that generates by default: `starter`, distilled to few steps.
 
+# Patterns of the files of a model folder: card, tokenizer, graphs, weights and documentation.
 HUB_FILES = ("*.json", "*.onnx", "*.safetensors", "*.index", "LICENSE*", "README.md")
-"""Patterns of the files of a model folder: card, tokenizer, graphs, weights and documentation."""
 
+# Note on rights in every generated motion, beside the license of the weights.
 RIGHTS_IN_MOTIONS = (
     "The authors of Latent Motion claim no rights in generated motions: as far as they are "
     "concerned, use them for anything."
 )
-"""Note on rights in every generated motion, beside the license of the weights."""
 
+# Folder of the models inside the package, each a folder.
 SHIPPED = Path(__file__).parents[1] / "models"
-"""Folder of the models inside the package, each a folder."""
 
 _HUB_ID = re.compile(r"(?P<repository>\w[\w.-]*/\w[\w.-]*)(@(?P<revision>\w[\w./-]*))?", re.ASCII)
 
+# Precision of matrix products; weights of float32 graphs are kept in 16 bits.
 GraphPrecision = Literal["float32", "int8"]
-"""Precision of matrix products; weights of float32 graphs are kept in 16 bits."""
 
 
 @dataclass(frozen=True)
 class Provenance:
     """Origin of the weights: data, terms, commands, code and hardware."""
 
-    data: tuple[str, ...] = ()
-    """Names and credits of the data sets."""
-    data_hashes: dict[str, str] = field(default_factory=dict)
-    """SHA-256 of the data's files."""
-    license: str = "unknown"
-    """License of the weights."""
-    commands: tuple[str, ...] = ()
-    """The commands that made them, in order."""
-    commit: str = ""
-    """Commit of this code."""
-    machine: str = ""
-    """Hardware and PyTorch version of the training."""
-    hours: float = 0.0
-    """Duration of the training."""
+    data: tuple[str, ...] = ()  # Names and credits of the data sets.
+    data_hashes: dict[str, str] = field(default_factory=dict)  # SHA-256 of the data's files.
+    license: str = "unknown"  # License of the weights.
+    commands: tuple[str, ...] = ()  # The commands that made them, in order.
+    commit: str = ""  # Commit of this code.
+    machine: str = ""  # Hardware and PyTorch version of the training.
+    hours: float = 0.0  # Duration of the training.
 
 
 @dataclass(frozen=True)
 class ModelCard:
     """Description of a trained model."""
 
-    name: str
-    """Name for users, e.g. `starter`."""
-    representation: str
-    """Name of the motion features, e.g. `humanml3d`."""
-    normalizer_mean: tuple[float, ...]
-    """Mean of each feature."""
-    normalizer_std: tuple[float, ...]
-    """Standard deviation of each feature."""
-    latents: LatentSpace
-    """Shape and scale of the latents."""
-    schedule: AnySchedule
-    """Noise schedule."""
-    parametrization: Epsilon | Sample | Velocity
-    """Quantity that the denoiser predicts."""
-    vae: VAEConfig
-    """Configuration of the VAE."""
+    name: str  # Name for users, e.g. `starter`.
+    representation: str  # Name of the motion features, e.g. `humanml3d`.
+    normalizer_mean: tuple[float, ...]  # Mean of each feature.
+    normalizer_std: tuple[float, ...]  # Standard deviation of each feature.
+    latents: LatentSpace  # Shape and scale of the latents.
+    schedule: AnySchedule  # Noise schedule.
+    parametrization: Epsilon | Sample | Velocity  # Quantity that the denoiser predicts.
+    vae: VAEConfig  # Configuration of the VAE.
+    # Configuration of the denoiser; None where only the first stage is trained.
     denoiser: DenoiserConfig | None
-    """Configuration of the denoiser; None where only the first stage is trained."""
+    # Its task: which text encoder, which labels; empty where no denoiser is trained.
     condition: TextTask | ActionTask | UnconditionalTask
-    """Its task: which text encoder, which labels; empty where no denoiser is trained."""
+    # Default sampling settings.
     sampling: Sampling = field(default_factory=lambda: Sampling(guidance=1.0))
-    """Default sampling settings."""
-    frames: tuple[int, int] = (16, 196)
-    """Shortest and longest motion it was trained on, in frames."""
-    precision: GraphPrecision = "float32"
-    """Precision of matrix products in the exported graphs."""
-    provenance: Provenance = Provenance()
-    """Where the weights come from."""
-    figures: dict[str, Any] = field(default_factory=dict)
-    """Measured figures, by name."""
-    format: int = FORMAT
-    """Version of this file."""
+    frames: tuple[int, int] = (16, 196)  # Shortest and longest motion it was trained on, in frames.
+    precision: GraphPrecision = "float32"  # Precision of matrix products in the exported graphs.
+    provenance: Provenance = Provenance()  # Where the weights come from.
+    figures: dict[str, Any] = field(default_factory=dict)  # Measured figures, by name.
+    format: int = FORMAT  # Version of this file.
 
     @property
     def task(self) -> TaskName:

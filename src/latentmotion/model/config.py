@@ -18,8 +18,8 @@ from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.errors import InputError
 from latentmotion.storage import limits
 
+# Position tables learned as in the paper, or sines as in ACTOR.
 PositionKind = Literal["learned", "sine"]
-"""Position tables learned as in the paper, or sines as in ACTOR."""
 
 
 def check_range(name: str, number: int, most: int, least: int = 1) -> None:
@@ -43,26 +43,18 @@ class TransformerConfig:
         InputError: A size is out of range.
     """
 
-    width: int = 256
-    """Numbers per token."""
-    layers: int = 9
-    """Number of layers, odd where there are skips."""
-    heads: int = 4
-    """Attention heads."""
-    hidden: int = 1024
-    """Width inside the feed-forward part."""
-    dropout: float = 0.1
-    """Share of numbers dropped in training."""
+    width: int = 256  # Numbers per token.
+    layers: int = 9  # Number of layers, odd where there are skips.
+    heads: int = 4  # Attention heads.
+    hidden: int = 1024  # Width inside the feed-forward part.
+    dropout: float = 0.1  # Share of numbers dropped in training.
+    # Share of attention dropped in training; the authors drop 0.1, at a third of the speed.
     attention_dropout: float = 0.0
-    """Share of attention dropped in training; the authors drop 0.1, at a third of the speed."""
-    activation: Literal["gelu", "relu"] = "gelu"
-    """Activation of the feed-forward part."""
+    activation: Literal["gelu", "relu"] = "gelu"  # Activation of the feed-forward part.
+    # Whether a layer normalizes after or before each of its parts.
     norm: Literal["post", "pre"] = "post"
-    """Whether a layer normalizes after or before each of its parts."""
-    skips: bool = True
-    """Whether first and last layers are joined."""
-    final_norm: bool = True
-    """Whether a last normalization closes the stack."""
+    skips: bool = True  # Whether first and last layers are joined.
+    final_norm: bool = True  # Whether a last normalization closes the stack.
 
     def __post_init__(self) -> None:
         check_range("width", self.width, limits.MOST_WIDTH)
@@ -91,12 +83,9 @@ class FewStepConfig:
         InputError: A number of steps does not divide that of the solver, or there is no range.
     """
 
-    guidance: tuple[float, float] = (1.0, 6.0)
-    """Smallest and largest guidance scale."""
-    steps: tuple[int, ...] = (1, 2, 4)
-    """Numbers of steps in which it can be sampled."""
-    solver_steps: int = 16
-    """Steps of the teacher's solver, which all of these divide."""
+    guidance: tuple[float, float] = (1.0, 6.0)  # Smallest and largest guidance scale.
+    steps: tuple[int, ...] = (1, 2, 4)  # Numbers of steps in which it can be sampled.
+    solver_steps: int = 16  # Steps of the teacher's solver, which all of these divide.
 
     def __post_init__(self) -> None:
         if not 1 <= self.solver_steps <= limits.MOST_STEPS or len(self.steps) > self.solver_steps:
@@ -139,43 +128,38 @@ class FewStepConfig:
 class DenoiserConfig:
     """Which parts a `Denoiser` has; the defaults are ours, the presets have the paper's."""
 
-    latent_width: int = 16
-    """Numbers per latent token."""
-    condition_width: int = 384
-    """Numbers per word of the condition."""
+    latent_width: int = 16  # Numbers per latent token.
+    condition_width: int = 384  # Numbers per word of the condition.
+    # The stack inside.
     transformer: TransformerConfig = field(
         default_factory=lambda: TransformerConfig(layers=5, hidden=1024)
     )
-    """The stack inside."""
+    # Whether a learned projection leads latents in and out; without, the widths must be equal.
     project_latents: bool = True
-    """Whether a learned projection leads latents in and out; without, the widths must be equal."""
+    # Projection of words; `table` is for one-hot labels, `relu_linear` is the paper's, which was
+    # made for CLIP's embeddings; `standardized` brings those of any encoder to unit scale first.
     condition_projection: Literal["linear", "relu_linear", "standardized", "table", "none"] = (
         "linear"
     )
-    """Projection of words; `table` is for one-hot labels, `relu_linear` is the paper's, which was
-    made for CLIP's embeddings; `standardized` brings those of any encoder to unit scale first."""
+    # Whether words are tokens of their own, or added to the time's as in MDM.
     words: Literal["tokens", "added_to_time"] = "tokens"
-    """Whether words are tokens of their own, or added to the time's as in MDM."""
+    # Attention between latents and context.
     attention: Literal["in_context", "cross"] = "in_context"
-    """Attention between latents and context."""
+    # Which positions share a table.
     positions: Literal["separate", "latents_first", "context_first"] = "separate"
-    """Which positions share a table."""
-    position: PositionKind = "learned"
-    """Kind of position table."""
-    sine_width: int = 256
-    """Width of the time's sinusoid."""
-    time_scale: float = 1.0
-    """Multiplies the time: 1 for discrete times, 1000 for times in 0 .. 1."""
+    position: PositionKind = "learned"  # Kind of position table.
+    sine_width: int = 256  # Width of the time's sinusoid.
+    time_scale: float = 1.0  # Multiplies the time: 1 for discrete times, 1000 for times in 0 .. 1.
+    # Whether the number of real latent tokens is an input of the network.
     length_token: bool = False
-    """Whether the number of real latent tokens is an input of the network."""
+    # Whether attention sees padded latents, a quirk of the authors' diffusion on raw frames.
     attends_to_padding: bool = False
-    """Whether attention sees padded latents, a quirk of the authors' diffusion on raw frames."""
+    # Entry point under `latentmotion.denoisers`, a function from this configuration to a network;
+    # empty for `DenoiserNetwork`.
     plugin: str = ""
-    """Entry point under `latentmotion.denoisers`, a function from this configuration to a network;
-    empty for `DenoiserNetwork`."""
+    # Step counts of a distilled model, which has guidance and step size as inputs; null for any
+    # other.
     few_step: FewStepConfig | None = None
-    """Step counts of a distilled model, which has guidance and step size as inputs; null for any
-    other."""
 
     def __post_init__(self) -> None:
         for name in ("latent_width", "condition_width", "sine_width"):
@@ -186,14 +170,11 @@ class DenoiserConfig:
 class Sampling:
     """Sampling settings that apply unless others are given."""
 
-    steps: int = 50
-    """Sampling steps."""
-    guidance: float = 7.5
-    """Guidance scale (paper eq. 6)."""
-    sampler: str = "ddim"
-    """Rule of a sampling step, of this package or of another."""
+    steps: int = 50  # Sampling steps.
+    guidance: float = 7.5  # Guidance scale (paper eq. 6).
+    sampler: str = "ddim"  # Rule of a sampling step, of this package or of another.
+    # Kind of guidance; a distilled model learned it from its teacher.
     guidance_rule: GuidanceRule = "classifier_free"
-    """Kind of guidance; a distilled model learned it from its teacher."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.steps <= limits.MOST_STEPS:
@@ -212,8 +193,7 @@ class Sampling:
         )
 
 
-STRIDE = 4
-"""Frames per latent token of a `ConvolutionalVAEConfig`."""
+STRIDE = 4  # Frames per latent token of a `ConvolutionalVAEConfig`.
 
 
 @dataclass(frozen=True)
@@ -224,16 +204,12 @@ class LatentSpace:
         InputError: A size or scale is out of range.
     """
 
-    width: int
-    """Numbers per token."""
-    tokens: int | None = None
-    """Tokens of any motion, for a VAE with a global latent."""
+    width: int  # Numbers per token.
+    tokens: int | None = None  # Tokens of any motion, for a VAE with a global latent.
+    # Frames that one token stands for, for a VAE with latents over time.
     frames_per_token: int | None = None
-    """Frames that one token stands for, for a VAE with latents over time."""
-    mean: tuple[float, ...] = (0.0,)
-    """Mean per channel; the denoiser sees (latent - mean) / std."""
-    std: tuple[float, ...] = (1.0,)
-    """Standard deviation per channel."""
+    mean: tuple[float, ...] = (0.0,)  # Mean per channel; the denoiser sees (latent - mean) / std.
+    std: tuple[float, ...] = (1.0,)  # Standard deviation per channel.
 
     def __post_init__(self) -> None:
         check_range("latents.width", self.width, limits.MOST_WIDTH)
@@ -306,24 +282,20 @@ class TransformerVAEConfig(MotionVAEConfig):
 
     sizes = ("features", "tokens", "latent_width")
 
-    features: int = 263
-    """Numbers per frame."""
-    tokens: int = 1
-    """Latent tokens of a motion."""
+    features: int = 263  # Numbers per frame.
+    tokens: int = 1  # Latent tokens of a motion.
+    # The stack inside, the same for encoder and decoder.
     transformer: TransformerConfig = field(default_factory=TransformerConfig)
-    """The stack inside, the same for encoder and decoder."""
-    position: PositionKind = "learned"
-    """Kind of position tables."""
+    position: PositionKind = "learned"  # Kind of position tables.
+    # Whether mean and logvar have tokens of their own or come from a linear layer.
     distribution: Literal["tokens", "linear"] = "tokens"
-    """Whether mean and logvar have tokens of their own or come from a linear layer."""
+    # Whether frames look at the latents by cross-attention, share a sequence with them, or do the
+    # first in most layers at a quarter of the frame rate.
     decoding: Literal["cross", "joint", "two_rate"] = "cross"
-    """Whether frames look at the latents by cross-attention, share a sequence with them, or do the
-    first in most layers at a quarter of the frame rate."""
+    # Layers of a decoder of two rates that see every frame; there are as many fewer coarse ones.
     fine_layers: int = 2
-    """Layers of a decoder of two rates that see every frame; there are as many fewer coarse ones.
-    """
+    # Numbers per latent token; by default as many as the transformer has.
     latent_width: int | None = None
-    """Numbers per latent token; by default as many as the transformer has."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -357,8 +329,8 @@ class MirroredDecoder:
 class QuarterRateDecoder:
     """Every layer at T/4, where a step costs a quarter of one at T; the last makes four frames."""
 
+    # Dilation of each residual block; the first three are those of the mirrored decoder.
     dilations: tuple[int, ...] = (9, 3, 1, 1)
-    """Dilation of each residual block; the first three are those of the mirrored decoder."""
 
     def __post_init__(self) -> None:
         check_dilations("vae.decoder.dilations", self.dilations)
@@ -374,16 +346,13 @@ class ConvolutionalVAEConfig(MotionVAEConfig):
 
     sizes = ("features", "width", "channels")
 
-    features: int = 263
-    """Numbers per frame."""
-    width: int = 256
-    """Channels inside."""
-    channels: int = 16
-    """Numbers per latent token."""
+    features: int = 263  # Numbers per frame.
+    width: int = 256  # Channels inside.
+    channels: int = 16  # Numbers per latent token.
+    # Dilation of each residual block at half and at quarter rate.
     dilations: tuple[int, ...] = (1, 3, 9)
-    """Dilation of each residual block at half and at quarter rate."""
+    # The decoder, from latent tokens to frames.
     decoder: MirroredDecoder | QuarterRateDecoder = field(default_factory=MirroredDecoder)
-    """The decoder, from latent tokens to frames."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -413,18 +382,13 @@ class QuantizedVAEConfig(MotionVAEConfig):
 
     sizes = ("features", "width", "channels", "codes")
 
-    features: int = 263
-    """Numbers per frame."""
-    width: int = 512
-    """Channels inside."""
-    channels: int = 512
-    """Numbers per latent token, and per code."""
-    codes: int = 512
-    """Codes in a codebook."""
-    codebooks: int = 6
-    """Codebooks, each for what those before it leave of a token."""
+    features: int = 263  # Numbers per frame.
+    width: int = 512  # Channels inside.
+    channels: int = 512  # Numbers per latent token, and per code.
+    codes: int = 512  # Codes in a codebook.
+    codebooks: int = 6  # Codebooks, each for what those before it leave of a token.
+    # Dilation of each residual block at half and at quarter rate, in encoder and decoder alike.
     dilations: tuple[int, ...] = (9, 3, 1)
-    """Dilation of each residual block at half and at quarter rate, in encoder and decoder alike."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -453,16 +417,11 @@ class VPoserTConfig(MotionVAEConfig):
 
     sizes = ("features", "frames", "hidden", "width")
 
-    features: int = 263
-    """Numbers per frame."""
-    frames: int = 196
-    """Length in frames, the same for all motions."""
-    hidden: int = 512
-    """Width of the layers inside."""
-    width: int = 256
-    """Numbers of the latent token."""
-    dropout: float = 0.1
-    """Share of numbers dropped in training."""
+    features: int = 263  # Numbers per frame.
+    frames: int = 196  # Length in frames, the same for all motions.
+    hidden: int = 512  # Width of the layers inside.
+    width: int = 256  # Numbers of the latent token.
+    dropout: float = 0.1  # Share of numbers dropped in training.
 
     def latent_space(self) -> LatentSpace:
         """Returns the space of a single token for the whole motion."""
@@ -505,8 +464,7 @@ class IdentityVAEConfig(MotionVAEConfig):
 
     has_weights: ClassVar[bool] = False
 
-    features: int = 263
-    """Numbers per frame, and per latent token."""
+    features: int = 263  # Numbers per frame, and per latent token.
 
     def latent_space(self) -> LatentSpace:
         """Returns one token per frame."""
@@ -521,14 +479,11 @@ class IdentityVAEConfig(MotionVAEConfig):
 class PluginVAEConfig(MotionVAEConfig):
     """A VAE that another package adds, under `latentmotion.vaes`."""
 
-    plugin: str
-    """Name of its entry point, which is called with `features` and the settings."""
-    features: int = 263
-    """Numbers per frame."""
+    plugin: str  # Name of its entry point, which is called with `features` and the settings.
+    features: int = 263  # Numbers per frame.
+    # Shape of its latents.
     space: LatentSpace = field(default_factory=lambda: LatentSpace(256, tokens=1))
-    """Shape of its latents."""
-    settings: dict[str, Any] = field(default_factory=dict)
-    """Further keyword arguments."""
+    settings: dict[str, Any] = field(default_factory=dict)  # Further keyword arguments.
 
     def latent_space(self) -> LatentSpace:
         """Returns the shape that the configuration states."""
@@ -539,6 +494,7 @@ class PluginVAEConfig(MotionVAEConfig):
         return self
 
 
+# Every kind of VAE that a card or an experiment can name.
 VAEConfig = (
     TransformerVAEConfig
     | ConvolutionalVAEConfig
@@ -547,4 +503,3 @@ VAEConfig = (
     | IdentityVAEConfig
     | PluginVAEConfig
 )
-"""Every kind of VAE that a card or an experiment can name."""

@@ -39,13 +39,10 @@ from latentmotion.storage.configuration import part_named
 from latentmotion.text.encoder import load_text_encoder
 from latentmotion.text.lengths import LengthFile
 
-GPU_BATCH_SIZE = 256
-"""Maximum number of motions that go through the networks of a GPU at once."""
+GPU_BATCH_SIZE = 256  # Maximum number of motions that go through the networks of a GPU at once.
 
-BUCKET_FRAMES = 32
-"""Lengths are padded to a multiple of this."""
-BUCKET_WORDS = 8
-"""The words after the pooled sentence are padded to a multiple of this."""
+BUCKET_FRAMES = 32  # Lengths are padded to a multiple of this.
+BUCKET_WORDS = 8  # The words after the pooled sentence are padded to a multiple of this.
 
 
 @dataclass(frozen=True)
@@ -56,8 +53,7 @@ class Buckets(Padding):
     where it would, sizes stay as they are.
     """
 
-    card: ModelCard
-    """States the longest motion, and whether padding would change motions."""
+    card: ModelCard  # States the longest motion, and whether padding would change motions.
 
     def rows(self, count: int) -> int:
         """Returns the next power of two."""

@@ -47,11 +47,10 @@ from latentmotion.storage.files import atomic_folder
 
 WEIGHTS_FILE = "weights.safetensors"
 
-SCALE = ".scale"
-"""Ends the name of the scales of a matrix in 8 bits, one for each row."""
+SCALE = ".scale"  # Ends the name of the scales of a matrix in 8 bits, one for each row.
 
+# Metadata key of the hash of an encoder that is in a shipped model instead.
 ENCODER_HASH = "vae_encoder"
-"""Metadata key of the hash of an encoder that is in a shipped model instead."""
 
 _ENCODER = "vae.encoder."
 _DTYPES = {
@@ -64,10 +63,8 @@ _DTYPES = {
 class FirstStageModel:
     """A model folder in memory, with PyTorch: its VAE, which may be the identity."""
 
-    card: ModelCard
-    """Its description."""
-    vae: MotionVAE
-    """Motion to latents and back."""
+    card: ModelCard  # Its description.
+    vae: MotionVAE  # Motion to latents and back.
 
     @property
     def networks(self) -> dict[str, nn.Module]:
@@ -79,8 +76,7 @@ class FirstStageModel:
 class LatentModel(FirstStageModel):
     """A model folder with both stages."""
 
-    denoiser: DenoiserNetwork
-    """Noise to latents."""
+    denoiser: DenoiserNetwork  # Noise to latents.
 
     @property
     def networks(self) -> dict[str, nn.Module]:

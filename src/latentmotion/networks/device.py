@@ -25,8 +25,7 @@ from latentmotion.engine.session import Session
 from latentmotion.errors import InputError
 from latentmotion.storage.provenance import processor, processor_flags
 
-GPU = torch.cuda.__name__.rpartition(".")[2]
-"""PyTorch's name for the type of NVIDIA's GPUs."""
+GPU = torch.cuda.__name__.rpartition(".")[2]  # PyTorch's name for the type of NVIDIA's GPUs.
 
 
 def default_device() -> str:
@@ -75,8 +74,7 @@ def describe_machine() -> str:
     return ", ".join([*parts, f"PyTorch {torch.__version__}"])
 
 
-COMPILER = "inductor"
-"""The backend of torch.compile."""
+COMPILER = "inductor"  # The backend of torch.compile.
 
 _PRODUCTS = nn.Linear, nn.Conv1d
 
@@ -128,13 +126,11 @@ def arithmetic(execution: ExecutionOptions) -> ExitStack:
     return stack
 
 
+# Tensors of one device to a tensor, without reading the host's memory.
 Function = Callable[..., Tensor]
-"""Tensors of one device to a tensor, without reading the host's memory."""
 
-MAX_RECORDINGS = 32
-"""Maximum number of recordings kept; the one unused for longest is dropped."""
-WARM_UP = 3
-"""Runs before a recording, in which libraries choose their kernels."""
+MAX_RECORDINGS = 32  # Maximum number of recordings kept; the one unused for longest is dropped.
+WARM_UP = 3  # Runs before a recording, in which libraries choose their kernels.
 
 _ONE_AT_A_TIME = Lock()  # a process may make only one recording at a time, for any model
 

@@ -36,8 +36,7 @@ from torch import Tensor, nn
 from latentmotion.condition import TextEmbedding, stack
 from latentmotion.errors import InputError, MissingExtraError, ModelError
 
-FOLDER = "2_Dense"
-"""Where the layer is kept."""
+FOLDER = "2_Dense"  # Where the layer is kept.
 
 _WEIGHT, _BIAS = "linear.weight", "linear.bias"
 
@@ -113,8 +112,7 @@ def _file(source: str, name: str) -> Path | None:
     return Path(cached) if cached else None
 
 
-AT_ONCE = 64
-"""Sentences that go through a network together."""
+AT_ONCE = 64  # Sentences that go through a network together.
 
 
 @dataclass(frozen=True)
@@ -123,8 +121,7 @@ class EncodedSentences:
 
     pooled: Float[torch.Tensor, "batch width"]
     words: Float[torch.Tensor, "batch words width"]
-    mask: Bool[torch.Tensor, "batch words"]
-    """True on the words that a denoiser may see."""
+    mask: Bool[torch.Tensor, "batch words"]  # True on the words that a denoiser may see.
 
 
 Read = Callable[[Any, Any, Any], EncodedSentences]
@@ -192,23 +189,18 @@ def _clip_features(model: Any, tokens: torch.Tensor) -> torch.Tensor:
 class Pretrained:
     """Loading and reading of one kind of encoder."""
 
-    hub_name: str
-    """Where it is found when no source is given."""
+    hub_name: str  # Where it is found when no source is given.
 
-    model_class: str
-    """Its class in `transformers`."""
+    model_class: str  # Its class in `transformers`.
 
-    read: Read
-    """States of the network to an embedding."""
+    read: Read  # States of the network to an embedding.
 
-    longest: int
-    """Sentences are cut after this many pieces."""
+    longest: int  # Sentences are cut after this many pieces.
 
-    padding: Literal["longest", "max_length"] = "longest"
-    """Length to which sentences are padded."""
+    padding: Literal["longest", "max_length"] = "longest"  # Length to which sentences are padded.
 
+    # Adds layers that `transformers` does not load; called with the network and the source.
     finish: Callable[[Any, str], Any] | None = None
-    """Adds layers that `transformers` does not load; called with the network and the source."""
 
 
 _SENTENCE_T5 = "sentence-transformers/sentence-t5-large"
@@ -233,17 +225,13 @@ KINDS: dict[str, Pretrained] = {
 class PretrainedTextEncoder:
     """A pretrained network behind the interface of all text encoders."""
 
-    name: str
-    """Kind and source."""
+    name: str  # Kind and source.
 
-    model: Any
-    """The network, in eval mode."""
+    model: Any  # The network, in eval mode.
 
-    tokenizer: Any
-    """Its tokenizer from `transformers`."""
+    tokenizer: Any  # Its tokenizer from `transformers`.
 
-    kind: Pretrained
-    """Kind of encoder, which says how states become an embedding."""
+    kind: Pretrained  # Kind of encoder, which says how states become an embedding.
 
     @classmethod
     def load(cls, kind: str, source: str | None = None) -> PretrainedTextEncoder:

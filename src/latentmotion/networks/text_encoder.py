@@ -83,23 +83,17 @@ def packed(network: nn.Module) -> nn.Module:
 class NetworkShape:
     """Sizes of a student."""
 
-    vocabulary: int
-    """Number of word pieces."""
+    vocabulary: int  # Number of word pieces.
 
-    width: int = 384
-    """Width of states and of the pooled embedding."""
+    width: int = 384  # Width of states and of the pooled embedding.
 
-    layers: int = 3
-    """Transformer layers."""
+    layers: int = 3  # Transformer layers.
 
-    heads: int = 12
-    """Attention heads."""
+    heads: int = 12  # Attention heads.
 
-    hidden: int = 1536
-    """Width between the two linear maps of each layer."""
+    hidden: int = 1536  # Width between the two linear maps of each layer.
 
-    positions: int = 128
-    """Longest sentence, in pieces."""
+    positions: int = 128  # Longest sentence, in pieces.
 
 
 class Layer(nn.Module):

@@ -259,8 +259,7 @@ def _initialize_projections(output: nn.Linear, *inputs: nn.Linear) -> None:
         nn.init.zeros_(linear.bias)
 
 
-LEARNED_LENGTH = 500
-"""Longest sequence of a learned table, the authors' limit."""
+LEARNED_LENGTH = 500  # Longest sequence of a learned table, the authors' limit.
 
 
 class LearnedPosition(nn.Module):

@@ -24,12 +24,9 @@ _OPPOSITE = {"forward": "backward", "backward": "forward"}
 class Agreement:
     """The comparison of a motion with a sentence."""
 
-    claims: tuple[Claim, ...]
-    """Claims of the sentence."""
-    verdicts: tuple[Verdict, ...]
-    """One per claim."""
-    reasons: tuple[str, ...]
-    """One per claim: what was found in the motion."""
+    claims: tuple[Claim, ...]  # Claims of the sentence.
+    verdicts: tuple[Verdict, ...]  # One per claim.
+    reasons: tuple[str, ...]  # One per claim: what was found in the motion.
 
     @property
     def verdict(self) -> Verdict:
@@ -39,8 +36,8 @@ class Agreement:
         return "agrees" if "agrees" in self.verdicts else "silent"
 
 
+# Compares a claim with a motion; returns the verdict and what was found.
 Check = Callable[[Claim, Description], tuple[Verdict, str]]
-"""Compares a claim with a motion; returns the verdict and what was found."""
 
 # Checks by kind of claim; all other kinds are compared with events.
 _CHECKS: dict[str, Check] = {}
@@ -142,8 +139,7 @@ def frames_for(claim: Claim, description: Description) -> tuple[int, int] | None
     return (events[0].start, max(event.end for event in events)) if events else None
 
 
-_checks = entries(_CHECKS)
-"""Registers the check of some kinds of claims."""
+_checks = entries(_CHECKS)  # Registers the check of some kinds of claims.
 
 
 @_checks(*_GAITS, "move")

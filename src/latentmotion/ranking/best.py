@@ -39,11 +39,9 @@ from latentmotion.motion import Motion
 from latentmotion.ranking.closeness import closeness
 from latentmotion.ranking.scorer import Scorer, shipped_scorer
 
-MOST_TAKES = 256
-"""Most takes of one prompt."""
+MOST_TAKES = 256  # Most takes of one prompt.
 
-USUAL_TAKES = 4
-"""Takes of a sentence that the command generates if no number is given."""
+USUAL_TAKES = 4  # Takes of a sentence that the command generates if no number is given.
 
 # Sampling steps up to which several takes take no noticeable time.
 _FAST_STEPS = 16
@@ -59,29 +57,23 @@ _OFF_FLOOR, _JERK, _USUAL_JERK = 2.0, 1e-3, 150.0
 class Take:
     """One of several motions of a prompt, with its score and the reasons for it."""
 
-    motion: Motion
-    """The motion as it was given."""
-    score: float
-    """Twice the claims, and the match, less the costs; the highest is the best."""
+    motion: Motion  # The motion as it was given.
+    score: float  # Twice the claims, and the match, less the costs; the highest is the best.
+    # Closeness of the cleaned motion to the sentence, 0 to 1; 0 where nothing is measurable.
     claims: float
-    """Closeness of the cleaned motion to the sentence, 0 to 1; 0 where nothing is measurable."""
-    text: float
-    """Cosine of the vectors of sentence and motion, -1 to 1."""
-    sliding: float
-    """Mean speed of feet along the floor, m/s."""
-    penetration: float
-    """Mean depth of the lowest joint below the floor, meters."""
+    text: float  # Cosine of the vectors of sentence and motion, -1 to 1.
+    sliding: float  # Mean speed of feet along the floor, m/s.
+    penetration: float  # Mean depth of the lowest joint below the floor, meters.
+    # Mean height of a body that nothing carries, and that neither moves nor falls, meters.
     floating: float
-    """Mean height of a body that nothing carries, and that neither moves nor falls, meters."""
+    # Mean height of the body, and half of that of a lifted foot, in the first and last pose of the
+    # cleaned motion, meters.
     unfinished: float
-    """Mean height of the body, and half of that of a lifted foot, in the first and last pose of the
-    cleaned motion, meters."""
-    jerk: float
-    """Mean jerk of the joints, m/s³."""
+    jerk: float  # Mean jerk of the joints, m/s³.
+    # How much likelier its start makes what is asked, 0 for a start from noise.
     advantage: float = 0.0
-    """How much likelier its start makes what is asked, 0 for a start from noise."""
+    # The motion cleaned up, where its claims were measured so, or it is kept.
     cleaned: Motion | None = None
-    """The motion cleaned up, where its claims were measured so, or it is kept."""
 
     def about(self) -> dict[str, Any]:
         """Returns seed, score and reasons, as JSON can hold them."""

@@ -29,8 +29,8 @@ _FAR = 3.0
 # Postures and poses that show an act.
 _POSTURES = related("shown_by")
 
+# Returns how closely a motion does what one claim asks, 0 to 1.
 Grade = Callable[[Claim, Measured, Request], float]
-"""Returns how closely a motion does what one claim asks, 0 to 1."""
 
 # Grades by kind of claim; all other kinds are graded by their events.
 _GRADES: dict[str, Grade] = {}
@@ -53,8 +53,7 @@ def closeness(request: Request, scene: Measured) -> float:
     return float(np.mean(grades)) if grades else 0.0
 
 
-_grades = entries(_GRADES)
-"""Registers the grade of some kinds of claims."""
+_grades = entries(_GRADES)  # Registers the grade of some kinds of claims.
 
 
 def _ramp(value: float, worst: float, best: float) -> float:

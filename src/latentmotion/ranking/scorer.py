@@ -29,17 +29,13 @@ from latentmotion.representation.interface import Representation
 from latentmotion.storage.configuration import read_json
 from latentmotion.text.encoder import LazyTextEncoder
 
-FORMAT = 1
-"""Version of scorer.json."""
+FORMAT = 1  # Version of scorer.json.
 
-CARD_FILE, MOTION_FILE, TEXT_FILE = "scorer.json", "motion.onnx", "text.onnx"
-"""Files of a scorer."""
+CARD_FILE, MOTION_FILE, TEXT_FILE = "scorer.json", "motion.onnx", "text.onnx"  # Files of a scorer.
 
-CLIPS_FILE = "clips.safetensors"
-"""Vectors of training clips, if any."""
+CLIPS_FILE = "clips.safetensors"  # Vectors of training clips, if any.
 
-UNIT = 4
-"""Frames of a token; lengths are multiples of it."""
+UNIT = 4  # Frames of a token; lengths are multiples of it.
 
 # Most motions that go through the graph together.
 _AT_ONCE = 32
@@ -49,40 +45,26 @@ _AT_ONCE = 32
 class ScorerCard:
     """Content of `scorer.json`."""
 
-    name: str
-    """Name of the scorer."""
-    representation: str
-    """Name of the motion features."""
-    text_encoder: str
-    """Name of the text encoder whose word pieces it reads."""
-    word_width: int
-    """Numbers per word piece."""
-    width: int
-    """Numbers per vector."""
-    fingerprint: str
-    """Hash of weights and statistics."""
-    provenance: Provenance = field(default_factory=Provenance)
-    """Origin of the weights."""
-    figures: dict[str, Any] = field(default_factory=dict)
-    """Measured figures, by name."""
-    format: int = FORMAT
-    """Version of this file."""
+    name: str  # Name of the scorer.
+    representation: str  # Name of the motion features.
+    text_encoder: str  # Name of the text encoder whose word pieces it reads.
+    word_width: int  # Numbers per word piece.
+    width: int  # Numbers per vector.
+    fingerprint: str  # Hash of weights and statistics.
+    provenance: Provenance = field(default_factory=Provenance)  # Origin of the weights.
+    figures: dict[str, Any] = field(default_factory=dict)  # Measured figures, by name.
+    format: int = FORMAT  # Version of this file.
 
 
 @dataclass(frozen=True)
 class Scorer:
     """Both towers, loaded when they are first needed."""
 
-    card: ScorerCard
-    """The scorer's card."""
-    folder: Path
-    """Its folder."""
-    motion_tower: LazySession
-    """Features, mask → vectors."""
-    text_tower: LazySession
-    """Word pieces, mask → vectors."""
-    encoder: TextEncoder
-    """Sentences to word pieces."""
+    card: ScorerCard  # The scorer's card.
+    folder: Path  # Its folder.
+    motion_tower: LazySession  # Features, mask → vectors.
+    text_tower: LazySession  # Word pieces, mask → vectors.
+    encoder: TextEncoder  # Sentences to word pieces.
 
     @classmethod
     def load(cls, folder: str | Path | None = None, encoder: TextEncoder | None = None) -> Scorer:

@@ -40,8 +40,7 @@ from latentmotion.progress import counted
 from latentmotion.ranking.scorer import CLIPS_FILE, UNIT, Scorer
 from latentmotion.storage.files import atomic_file
 
-WINDOW, STEP = 80, 20
-"""Frames of a window and between windows."""
+WINDOW, STEP = 80, 20  # Frames of a window and between windows.
 
 _FORMAT = "latentmotion index 1"
 
@@ -53,14 +52,10 @@ _MOST_INDEX = 2**31
 class Window:
     """A part of a motion file."""
 
-    path: Path
-    """The file."""
-    take: int
-    """Number of the motion in the file, from 0."""
-    start: float
-    """Begin in seconds."""
-    end: float
-    """End in seconds."""
+    path: Path  # The file.
+    take: int  # Number of the motion in the file, from 0.
+    start: float  # Begin in seconds.
+    end: float  # End in seconds.
 
     def overlaps(self, other: Window) -> bool:
         """Returns whether both are mostly the same part of one motion."""
@@ -74,26 +69,19 @@ class Window:
 class Hit:
     """A window with its score."""
 
-    window: Window
-    """The part of a file."""
-    score: float
-    """Cosine of the vectors of sentence and window, -1 to 1."""
+    window: Window  # The part of a file.
+    score: float  # Cosine of the vectors of sentence and window, -1 to 1.
 
 
 @dataclass(frozen=True, eq=False)
 class IndexedFile:
     """Entry of a file in the index."""
 
-    size: int
-    """Bytes."""
-    changed: int
-    """Time of the last change, nanoseconds."""
-    spans: tuple[tuple[int, float, float], ...]
-    """Take, begin and end of each window."""
-    vectors: Float[np.ndarray, "windows width"]
-    """A vector for each."""
-    problem: str = ""
-    """Why the file cannot be read, if it cannot."""
+    size: int  # Bytes.
+    changed: int  # Time of the last change, nanoseconds.
+    spans: tuple[tuple[int, float, float], ...]  # Take, begin and end of each window.
+    vectors: Float[np.ndarray, "windows width"]  # A vector for each.
+    problem: str = ""  # Why the file cannot be read, if it cannot.
 
 
 @dataclass(frozen=True)
@@ -280,22 +268,17 @@ def _write(path: Path, files: dict[Path, IndexedFile], scorer: Scorer) -> None:
 class KnownClip:
     """A training clip as a report names it."""
 
-    id: str
-    """Its name."""
-    source: str
-    """Name of its source."""
-    origin: str
-    """The recording and the frames."""
+    id: str  # Its name.
+    source: str  # Name of its source.
+    origin: str  # The recording and the frames.
 
 
 @dataclass(frozen=True, eq=False)
 class TrainingVectors:
     """Vectors of training clips."""
 
-    clips: tuple[KnownClip, ...]
-    """The clips."""
-    vectors: Float[np.ndarray, "clips width"]
-    """A vector for each."""
+    clips: tuple[KnownClip, ...]  # The clips.
+    vectors: Float[np.ndarray, "clips width"]  # A vector for each.
 
     def nearest(
         self, vector: Float[np.ndarray, " width"], count: int

@@ -24,11 +24,10 @@ from jaxtyping import Float, Int
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.motion import Motion
 
-GREY = (0.57, 0.60, 0.65)
-"""Linear RGB of the body."""
+GREY = (0.57, 0.60, 0.65)  # Linear RGB of the body.
 
+# Linear RGB of its joints, waist and face, where no take has a color of its own.
 ACCENT = (0.028, 0.275, 0.337)
-"""Linear RGB of its joints, waist and face, where no take has a color of its own."""
 
 # Joints without which a skeleton is drawn as sticks.
 _NEEDED = frozenset({"pelvis", "head"}) | {
@@ -45,20 +44,16 @@ _SIDES = 10
 class Mannequin:
     """A skinned mesh in the rest pose of a skeleton."""
 
+    # Positions in rest pose, meters, the root at the origin.
     vertices: Float[np.ndarray, "vertices 3"]
-    """Positions in rest pose, meters, the root at the origin."""
-    normals: Float[np.ndarray, "vertices 3"]
-    """Outward unit normals."""
+    normals: Float[np.ndarray, "vertices 3"]  # Outward unit normals.
+    # Corners of each face, counterclockwise from outside.
     triangles: Int[np.ndarray, "triangles 3"]
-    """Corners of each face, counterclockwise from outside."""
-    joints: Int[np.ndarray, "vertices 4"]
-    """The joints that move each vertex."""
-    weights: Float[np.ndarray, "vertices 4"]
-    """Skinning weight of each; the sum is 1."""
-    skeleton: Skeleton
-    """The skeleton whose rest pose it has."""
+    joints: Int[np.ndarray, "vertices 4"]  # The joints that move each vertex.
+    weights: Float[np.ndarray, "vertices 4"]  # Skinning weight of each; the sum is 1.
+    skeleton: Skeleton  # The skeleton whose rest pose it has.
+    # Number of triangles, the first, that are grey; the others have the take's color.
     shell: int = 0
-    """Number of triangles, the first, that are grey; the others have the take's color."""
 
     def moves(
         self, animation: Animation
@@ -81,8 +76,8 @@ class Mannequin:
         )
 
 
+# Skin for a motion and how it moves, from the motion.
 Figure = Callable[[Motion], tuple[Mannequin, Animation]]
-"""Skin for a motion and how it moves, from the motion."""
 
 
 def mannequin_of(motion: Motion) -> tuple[Mannequin, Animation]:
@@ -152,14 +147,11 @@ class _Asset:
     vertices: Float[np.ndarray, "vertices 3"]
     triangles: Int[np.ndarray, "triangles 3"]
     joints: Int[np.ndarray, "vertices 2"]
-    shares: Float[np.ndarray, " vertices"]
-    """Weight of the first joint; the second has the rest."""
+    shares: Float[np.ndarray, " vertices"]  # Weight of the first joint; the second has the rest.
+    # Joints at both ends of the bone along which a vertex is stretched.
     anchors: Int[np.ndarray, "vertices 2"]
-    """Joints at both ends of the bone along which a vertex is stretched."""
-    places: Float[np.ndarray, " vertices"]
-    """Share of the way from the first to the second."""
-    rest: Float[np.ndarray, "joints 3"]
-    """The joints of HumanML3D in this body's T-pose."""
+    places: Float[np.ndarray, " vertices"]  # Share of the way from the first to the second.
+    rest: Float[np.ndarray, "joints 3"]  # The joints of HumanML3D in this body's T-pose.
     shell: int
 
     @property

@@ -36,14 +36,11 @@ _SHORT = 0.8
 class Camera:
     """A pinhole that looks at a point."""
 
-    eye: Float[np.ndarray, " width"]
-    """Its position, meters."""
+    eye: Float[np.ndarray, " width"]  # Its position, meters.
+    # The point it looks at, in the middle of the picture, meters.
     target: Float[np.ndarray, " width"]
-    """The point it looks at, in the middle of the picture, meters."""
-    focal: float
-    """Pixels for one meter at one meter's distance."""
-    size: tuple[int, int]
-    """Width and height of the picture, pixels."""
+    focal: float  # Pixels for one meter at one meter's distance.
+    size: tuple[int, int]  # Width and height of the picture, pixels.
 
     def project(
         self, points: Float[np.ndarray, "*batch 3"]
@@ -138,13 +135,12 @@ except ImportError as error:
     raise MissingExtraError("drawing motions", "Pillow", "video") from error
 
 
-OVERSAMPLING = 2
-"""Supersampling: factor by which a picture is drawn larger, in each direction."""
+OVERSAMPLING = 2  # Supersampling: factor by which a picture is drawn larger, in each direction.
 
 BACKGROUND = (247, 248, 250)
 INK = (58, 64, 76)
+# One color for each take, as on the page.
 COLORS = ((47, 143, 157), (226, 105, 74), (122, 104, 196), (217, 154, 43))
-"""One color for each take, as on the page."""
 
 # Color of what has none of its take.
 _BODY = (196, 201, 210)
@@ -163,16 +159,11 @@ _SUN = (-0.3, 1.0, -0.35)
 class Bodies:
     """The skin of one person in every frame, ready to be drawn."""
 
-    vertices: Float[np.ndarray, "frames vertices 3"]
-    """Positions, meters."""
-    normals: Float[np.ndarray, "frames vertices 3"]
-    """Outward normals."""
-    triangles: Int[np.ndarray, "triangles 3"]
-    """Corners of the faces."""
-    shell: int
-    """Number of faces, the first, that do not have the take's color."""
-    joints: Float[np.ndarray, "frames joints 3"]
-    """Positions of the joints."""
+    vertices: Float[np.ndarray, "frames vertices 3"]  # Positions, meters.
+    normals: Float[np.ndarray, "frames vertices 3"]  # Outward normals.
+    triangles: Int[np.ndarray, "triangles 3"]  # Corners of the faces.
+    shell: int  # Number of faces, the first, that do not have the take's color.
+    joints: Float[np.ndarray, "frames joints 3"]  # Positions of the joints.
 
     def moved(self, frame: int, shift: Float[np.ndarray, " width"]) -> Bodies:
         """Returns a single frame, displaced along the floor."""

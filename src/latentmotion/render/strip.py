@@ -19,11 +19,9 @@ from latentmotion.storage.files import atomic_file
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
 
-WIDTH = 1280
-"""Default width, pixels."""
+WIDTH = 1280  # Default width, pixels.
 
-WIDTHS = (200, 8000)
-"""The narrowest and the widest strip."""
+WIDTHS = (200, 8000)  # The narrowest and the widest strip.
 
 # Heights of a row, of a path and of the line with the caption, in widths.
 _ROW, _PATH, _BAND = 268 / 1280, 560 / 1280, 34 / 1280

@@ -25,14 +25,11 @@ from latentmotion.storage.files import atomic_file
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
 
-MOST_TAKES = 6
-"""Panels that fit beside each other."""
+MOST_TAKES = 6  # Panels that fit beside each other.
 
-SIZE = 512
-"""Usual height of a video, pixels."""
+SIZE = 512  # Usual height of a video, pixels.
 
-SIZES = (96, 4096)
-"""The smallest and the largest height of a video, pixels."""
+SIZES = (96, 4096)  # The smallest and the largest height of a video, pixels.
 
 # Greatest rate of a GIF: programs slow down faster ones.
 _GIF_FPS = 50

@@ -30,8 +30,8 @@ from latentmotion.kinematics import rotations
 from latentmotion.kinematics.inverse_kinematics import nearest_rotation
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 
+# Standard deviation, frames, of the Gaussian with which HumanML3D smooths the heading.
 SMOOTHING_FRAMES = 20.0
-"""Standard deviation, frames, of the Gaussian with which HumanML3D smooths the heading."""
 
 
 def heading(joints: Float[Any, "*frames joints 3"], skeleton: Skeleton) -> Float[Any, "*frames"]:

@@ -33,16 +33,14 @@ from latentmotion.representation.interface import Representation
 class HumanML3DRepresentation(Representation):
     """Joints to HumanML3D's features and back."""
 
+    # Direction of each bone from which its rotation is measured.
     directions: Float[np.ndarray, "joints 3"]
-    """Direction of each bone from which its rotation is measured."""
+    # Joints whose rotation is relative to the root, whatever their parent.
     chain_starts: tuple[int, ...]
-    """Joints whose rotation is relative to the root, whatever their parent."""
-    leg: tuple[int, ...]
-    """Joints whose bones make up the length of a leg."""
-    still: float
-    """A foot is in contact where its squared step is below this."""
+    leg: tuple[int, ...]  # Joints whose bones make up the length of a leg.
+    still: float  # A foot is in contact where its squared step is below this.
+    # Whether rotations are computed; else they are 0, for networks that do not read them.
     rotated: bool = True
-    """Whether rotations are computed; else they are 0, for networks that do not read them."""
 
     @property
     def blocks(self) -> Mapping[str, slice]:
@@ -156,6 +154,7 @@ class HumanML3DRepresentation(Representation):
         return sources, np.array(signs, dtype=np.float32)
 
 
+# The 263 features of HumanML3D, meters.
 HUMANML3D_FEATURES = HumanML3DRepresentation(
     name="humanml3d",
     skeleton=skeleton.HUMANML3D,
@@ -165,16 +164,16 @@ HUMANML3D_FEATURES = HumanML3DRepresentation(
     leg=(5, 8),
     still=0.002,
 )
-"""The 263 features of HumanML3D, meters."""
 
+# The same features of 52 joints, SMPL-H's body and fingers: 623 numbers, meters.
 HANDS_FEATURES = replace(
     HUMANML3D_FEATURES,
     name="hands",
     skeleton=skeleton.HANDS,
     directions=skeleton.HANDS_DIRECTIONS,
 )
-"""The same features of 52 joints, SMPL-H's body and fingers: 623 numbers, meters."""
 
+# The 251 features of KIT-ML; published ones count a thousandth of the body height as 1.
 KIT_FEATURES = HumanML3DRepresentation(
     name="kit",
     skeleton=skeleton.KIT,
@@ -184,4 +183,3 @@ KIT_FEATURES = HumanML3DRepresentation(
     leg=(17, 18),
     still=0.05,
 )
-"""The 251 features of KIT-ML; published ones count a thousandth of the body height as 1."""

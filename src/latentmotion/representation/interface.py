@@ -25,15 +25,12 @@ from latentmotion.representation import canonical
 class Representation(ABC):
     """Converts joints to features and back; NumPy and PyTorch arrays alike."""
 
-    name: str
-    """Its name in files."""
-    skeleton: Skeleton
-    """The joints it describes."""
-    fps: float
-    """Frames per second of its velocities."""
+    name: str  # Its name in files.
+    skeleton: Skeleton  # The joints it describes.
+    fps: float  # Frames per second of its velocities.
 
+    # Whether networks see its features normalized, or as they are.
     normalized: ClassVar[bool] = True
-    """Whether networks see its features normalized, or as they are."""
 
     @property
     def width(self) -> int:
@@ -111,10 +108,8 @@ _TYPICAL, _BLOCK = 3.0, 10.0
 class Scale:
     """Mean and deviation of every channel, arrays of the library and on the device of the data."""
 
-    mean: Float[Any, " channels"]
-    """Mean of each channel, or one for all."""
-    std: Float[Any, " channels"]
-    """Deviation of each channel, or one for all."""
+    mean: Float[Any, " channels"]  # Mean of each channel, or one for all.
+    std: Float[Any, " channels"]  # Deviation of each channel, or one for all.
 
     def denormalize(self, x: Float[Any, "*batch channels"]) -> Float[Any, "*batch channels"]:
         """Returns x · std + mean: normalized numbers in their own units."""
@@ -133,10 +128,8 @@ class Normalizer:
         InputError: A value is not finite, or a scale not above 0.
     """
 
-    mean: Float[np.ndarray, " features"]
-    """Mean over all frames."""
-    std: Float[np.ndarray, " features"]
-    """Scale; equal inside a block."""
+    mean: Float[np.ndarray, " features"]  # Mean over all frames.
+    std: Float[np.ndarray, " features"]  # Scale; equal inside a block.
 
     def __post_init__(self) -> None:
         finite = np.isfinite(self.mean).all() and np.isfinite(self.std).all()

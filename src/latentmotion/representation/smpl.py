@@ -29,11 +29,10 @@ from latentmotion.kinematics.smpl import SmplModel
 from latentmotion.representation import canonical
 from latentmotion.representation.interface import Representation
 
-TOKENS = 25
-"""24 joint rotations, and the root trajectory."""
+TOKENS = 25  # 24 joint rotations, and the root trajectory.
 
+# Signs from the camera's axes to upright ones and back: half a turn about x.
 UPRIGHT = (1.0, -1.0, -1.0)
-"""Signs from the camera's axes to upright ones and back: half a turn about x."""
 
 # Entries of a rotation's first two rows; the root trajectory shares the first three.
 _CHANNELS = ("xx", "xy", "xz", "yx", "yy", "yz")
@@ -43,10 +42,9 @@ _CHANNELS = ("xx", "xy", "xz", "yx", "yy", "yz")
 class SmplRepresentation(Representation):
     """Joints to SMPL's pose features and back, by a skeleton of fixed bone lengths."""
 
-    leg: tuple[int, ...] = (4, 7)
-    """Joints whose bones make up the length of a leg."""
+    leg: tuple[int, ...] = (4, 7)  # Joints whose bones make up the length of a leg.
+    # Hash of the SMPL model file with these bones; empty for the skeleton that ships.
     body: str = ""
-    """Hash of the SMPL model file with these bones; empty for the skeleton that ships."""
 
     normalized = False
 
@@ -167,8 +165,8 @@ def smpl_features(
     return np.swapaxes(tokens, 1, 2).reshape(len(tokens), -1)
 
 
+# The 150 features of HumanAct12 and UESTC, which name no frame rate; ACTOR plays 20 a second.
 SMPL_FEATURES = SmplRepresentation(name="smpl", skeleton=skeleton.BODY, fps=20.0)
-"""The 150 features of HumanAct12 and UESTC, which name no frame rate; ACTOR plays 20 a second."""
 
 
 def representation_of(model: SmplModel) -> SmplRepresentation:

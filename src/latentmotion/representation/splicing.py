@@ -33,12 +33,9 @@ _STANDING_WEIGHT = 20.0
 class Seam:
     """Quality of a seam between two motions."""
 
-    slide: float
-    """Mean horizontal speed of foot joints on the floor in the transition, m/s."""
-    jerk: float
-    """Largest jerk of any joint in the transition, m/s³."""
-    lowest: float
-    """Height of the lowest joint in the transition, meters."""
+    slide: float  # Mean horizontal speed of foot joints on the floor in the transition, m/s.
+    jerk: float  # Largest jerk of any joint in the transition, m/s³.
+    lowest: float  # Height of the lowest joint in the transition, meters.
 
 
 def pose_descriptors(

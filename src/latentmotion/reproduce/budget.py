@@ -24,18 +24,15 @@ from latentmotion.model import config
 from latentmotion.storage.configuration import from_json
 from latentmotion.training.experiment import Experiment, preset_named, with_changes, with_settings
 
-Change = Callable[[Experiment], Experiment]
-"""An experiment to a changed one."""
+Change = Callable[[Experiment], Experiment]  # An experiment to a changed one.
 
 
 @dataclass(frozen=True)
 class Adjustment:
     """Settings that the pages of tables mention."""
 
-    settings: Sequence[str]
-    """Each `part.key=value`, as on the command line."""
-    described: str = ""
-    """Description; by default the settings themselves."""
+    settings: Sequence[str]  # Each `part.key=value`, as on the command line.
+    described: str = ""  # Description; by default the settings themselves.
 
     @property
     def says(self) -> str:
@@ -51,32 +48,23 @@ class Adjustment:
 class Budget:
     """Sizes in which tables are trained and measured."""
 
-    name: str
-    """Name on the command line."""
-    says: str
-    """Description for the pages of tables."""
-    change: Change = lambda experiment: experiment
-    """Change of every model."""
-    raw: Change = lambda experiment: experiment
-    """Further change of models that diffuse raw frames."""
+    name: str  # Name on the command line.
+    says: str  # Description for the pages of tables.
+    change: Change = lambda experiment: experiment  # Change of every model.
+    raw: Change = lambda experiment: experiment  # Further change of models that diffuse raw frames.
+    # Width of transformers, of convolutions and of VPoser-t's latent; twice that inside.
     width: int | None = None
-    """Width of transformers, of convolutions and of VPoser-t's latent; twice that inside."""
+    # Layers of transformers by those of the paper.
     layers: Mapping[int, int] = field(default_factory=dict)
-    """Layers of transformers by those of the paper."""
-    max_frames: int | None = None
-    """Longest motion that is measured."""
-    replications: int = 20
-    """Replications of a measurement."""
-    slow: int = 20
-    """Most replications of rows of 1000 steps."""
-    repeats: Repeats | None = None
-    """Size of MultiModality; by default that of the protocol."""
+    max_frames: int | None = None  # Longest motion that is measured.
+    replications: int = 20  # Replications of a measurement.
+    slow: int = 20  # Most replications of rows of 1000 steps.
+    repeats: Repeats | None = None  # Size of MultiModality; by default that of the protocol.
+    # Further changes of every model of a table.
     of_tables: Mapping[str, Adjustment] = field(default_factory=dict)
-    """Further changes of every model of a table."""
+    # Further changes of single models, which their rows warn of.
     of_models: Mapping[str, Adjustment] = field(default_factory=dict)
-    """Further changes of single models, which their rows warn of."""
-    further: tuple[Adjustment, ...] = ()
-    """Changes of every model after all others."""
+    further: tuple[Adjustment, ...] = ()  # Changes of every model after all others.
 
     def of_table(self, name: str) -> Budget:
         """Returns the budget of a table by name."""
@@ -188,31 +176,24 @@ def budget_named(name: str) -> Budget:
     return BUDGETS[name]
 
 
+# Parts of an experiment that determine the first stage.
 FIRST_STAGE = ("vae", "vae_objective", "vae_cropping", "vae_training", "mirrored")
-"""Parts of an experiment that determine the first stage."""
 
 
 @dataclass(frozen=True)
 class Model:
     """A trained model, which one or several rows measure."""
 
-    name: str
-    """Folder of its runs."""
-    preset: str = "mld_humanml3d"
-    """Preset that it starts from."""
+    name: str  # Folder of its runs.
+    preset: str = "mld_humanml3d"  # Preset that it starts from.
+    # Settings that differ from the preset's, in the paper's sizes.
     set: dict[str, Any] = field(default_factory=dict)
-    """Settings that differ from the preset's, in the paper's sizes."""
-    task: Literal["text", "action", "unconditional"] = "text"
-    """Task of the denoiser."""
-    first: str = ""
-    """Model whose first stage it uses; empty for its own."""
-    encoder: str = ""
-    """Name of its text encoder; empty for the one that the command names."""
-    shipped: str = ""
-    """Model that ships, which is taken as it is; empty for one that is trained."""
+    task: Literal["text", "action", "unconditional"] = "text"  # Task of the denoiser.
+    first: str = ""  # Model whose first stage it uses; empty for its own.
+    encoder: str = ""  # Name of its text encoder; empty for the one that the command names.
+    shipped: str = ""  # Model that ships, which is taken as it is; empty for one that is trained.
+    # What its training has as much of as both stages of MLD-1 of z₀; empty for the budget's steps.
     equal: Literal["", "FLOPs", "crops"] = ""
-    """What its training has as much of as both stages of MLD-1 of z₀; empty for the budget's
-    steps."""
 
     @property
     def raw(self) -> bool:
@@ -267,10 +248,10 @@ def _fitted(experiment: Experiment, features: int) -> Experiment:
     return replace(experiment, vae=vae)
 
 
+# Every model of the tables by name.
 MODELS = {
     name: from_json(Model, {"name": name, **row})
     for name, row in tomllib.loads(
         Path(__file__).with_name("models.toml").read_text(encoding="utf-8")
     ).items()
 }
-"""Every model of the tables by name."""

@@ -22,6 +22,7 @@ from latentmotion.reproduce.budget import MODELS
 from latentmotion.reproduce.table import TABLES, Row, Table
 from latentmotion.storage.files import atomic_file
 
+# Unit of each metric; ↓ where less is better, ↑ where more is, → near the ground truth.
 UNITS = {
     **REPORT_UNITS,
     "AITS": "s ↓",
@@ -40,53 +41,40 @@ UNITS = {
     "Silhouette of noise": "",
     "Silhouette of latents": "↑",
 }
-"""Unit of each metric; ↓ where less is better, ↑ where more is, → near the ground truth."""
 
 
 @dataclass(frozen=True)
 class RowResult:
     """One measured row."""
 
-    row: str
-    """Its name in the table."""
+    row: str  # Its name in the table.
+    # Hash of everything that determines the figures; a row is measured again if it changes.
     key: str
-    """Hash of everything that determines the figures; a row is measured again if it changes."""
+    # Mean and half of the 95 % interval by metric; no interval for a single replication.
     figures: dict[str, list[float | None]] = field(default_factory=dict)
-    """Mean and half of the 95 % interval by metric; no interval for a single replication."""
+    # Figures of the ground truth, measured in the same run.
     truth: dict[str, list[float | None]] = field(default_factory=dict)
-    """Figures of the ground truth, measured in the same run."""
-    items: int = 0
-    """Motions of a replication."""
-    replications: int = 0
-    """Number of replications."""
+    items: int = 0  # Motions of a replication.
+    replications: int = 0  # Number of replications.
+    # Data, evaluator, protocol and budget; rows of one page agree in them.
     made: dict[str, str] = field(default_factory=dict)
-    """Data, evaluator, protocol and budget; rows of one page agree in them."""
-    weights: str = ""
-    """Hash of the model's weights."""
-    hours: float = 0.0
-    """Hours of training, both stages."""
+    weights: str = ""  # Hash of the model's weights.
+    hours: float = 0.0  # Hours of training, both stages.
+    # Versions of this package, its commit and its libraries.
     versions: dict[str, str] = field(default_factory=dict)
-    """Versions of this package, its commit and its libraries."""
-    notes: tuple[str, ...] = ()
-    """Limits that a reader must know to compare the figures."""
-    warnings: tuple[str, ...] = ()
-    """Problems of the figures."""
+    notes: tuple[str, ...] = ()  # Limits that a reader must know to compare the figures.
+    warnings: tuple[str, ...] = ()  # Problems of the figures.
 
 
 @dataclass(frozen=True)
 class TableResult:
     """The measured rows of a table."""
 
-    table: str
-    """Its name."""
-    budget: str
-    """Name of the budget."""
-    data: str
-    """Folder name and fingerprint of the data set."""
-    protocol: str
-    """Name of the protocol, its split, replications and evaluator."""
-    rows: tuple[RowResult, ...] = ()
-    """Measured rows, in the table's order."""
+    table: str  # Its name.
+    budget: str  # Name of the budget.
+    data: str  # Folder name and fingerprint of the data set.
+    protocol: str  # Name of the protocol, its split, replications and evaluator.
+    rows: tuple[RowResult, ...] = ()  # Measured rows, in the table's order.
 
 
 def markdown(table: Table, result: TableResult, says: str) -> str:
@@ -145,8 +133,7 @@ def markdown(table: Table, result: TableResult, says: str) -> str:
     return "\n".join(parts) + "\n"
 
 
-ABSENT, UNSTATED = "·", "?"
-"""Cells of the paper's columns without a figure."""
+ABSENT, UNSTATED = "·", "?"  # Cells of the paper's columns without a figure.
 
 
 def number(value: float, like: float | None = None) -> str:
@@ -231,9 +218,9 @@ def fill(document: Path, results: Path) -> list[str]:
     return finished
 
 
+# Minutes of training on one core in the small budget: those of five layers, as measured on an AMD
+# EPYC, times 7 / 5.
 MINUTES = {"vae": 15, "denoiser": 3, "raw": 7}
-"""Minutes of training on one core in the small budget: those of five layers, as measured on an AMD
-EPYC, times 7 / 5."""
 
 
 def overview(tables: Iterable[Table]) -> str:

@@ -21,11 +21,9 @@ from latentmotion.reproduce.markdown import TableResult
 from latentmotion.reproduce.table import Table
 from latentmotion.storage.files import atomic_file
 
-SIZE = (7.0, 4.5)
-"""Inches of a plot of one panel."""
+SIZE = (7.0, 4.5)  # Inches of a plot of one panel.
 
-GUIDANCE_METRICS = ("FID", "R@3", "MM-Dist")
-"""Metrics that are drawn by guidance scale."""
+GUIDANCE_METRICS = ("FID", "R@3", "MM-Dist")  # Metrics that are drawn by guidance scale.
 
 Points = Sequence[tuple[float, float]]
 
@@ -236,14 +234,11 @@ def save_figure(figure: Any, path: Path) -> bool:
     return True
 
 
-PER_LABEL = 30
-"""Motions of each action, as in the paper."""
+PER_LABEL = 30  # Motions of each action, as in the paper.
 
-FRAMES = 60
-"""Length of the motions, as of the paper's action data."""
+FRAMES = 60  # Length of the motions, as of the paper's action data.
 
-CLEAN = -1.0
-"""Timestep that stands for latents without noise."""
+CLEAN = -1.0  # Timestep that stands for latents without noise.
 
 
 def draw_latents(generator: MotionPipeline, path: Path) -> dict[str, Figure]:

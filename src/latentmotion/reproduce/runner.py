@@ -45,38 +45,32 @@ from latentmotion.training.denoiser import frames_card
 from latentmotion.training.loop import read_progress
 from latentmotion.training.run_folder import Run, read_run
 
-SLOW = 1000
-"""Sampling steps from which a row has fewer replications."""
+SLOW = 1000  # Sampling steps from which a row has fewer replications.
 
+# Clock of each metric of a motion's time. Processor time is that of all threads: with one it is the
+# time on a quiet machine.
 TIMES = {"AITS": time.perf_counter, "Processor time": time.process_time}
-"""Clock of each metric of a motion's time. Processor time is that of all threads: with one it is
-the time on a quiet machine."""
 
+# Metrics of an evaluator's embeddings.
 BY_EVALUATOR = {
     *("R@1", "R@2", "R@3", "FID", "FID train", "FID test", "KID", "MM-Dist"),
     *("Diversity", "MultiModality", "Accuracy"),
 }
-"""Metrics of an evaluator's embeddings."""
 
-TIMED = 3
-"""Motions of a row that are timed."""
+TIMED = 3  # Motions of a row that are timed.
 
-BATCH = 32
-"""Motions that are made together for the time of 2,048."""
+BATCH = 32  # Motions that are made together for the time of 2,048.
 
 
 @dataclass(frozen=True)
 class TableRunner:
     """Trains and measures the rows of a table."""
 
-    table: Table
-    """The table."""
-    work: Workspace
-    """Data, models and sizes."""
-    protocol: Protocol
-    """Protocol of the evaluation."""
+    table: Table  # The table.
+    work: Workspace  # Data, models and sizes.
+    protocol: Protocol  # Protocol of the evaluation.
+    # Evaluator of FID and other metrics of embeddings; None for metrics of positions alone.
     evaluator: Evaluator | None
-    """Evaluator of FID and other metrics of embeddings; None for metrics of positions alone."""
 
     def run(self, rows: Sequence[Row]) -> Path:
         """Trains and measures rows; returns the Markdown page, with the rows of earlier runs too.
@@ -378,8 +372,7 @@ def _plain(figures: Mapping[str, Figure]) -> dict[str, list[float | None]]:
     }
 
 
-SEED = "denoiser_training.seed="
-"""Setting that may differ between the runs."""
+SEED = "denoiser_training.seed="  # Setting that may differ between the runs.
 
 
 def join_runs(table: Table, folders: Sequence[Path], output: Path) -> Path:

@@ -23,61 +23,46 @@ from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.errors import InputError, hint
 from latentmotion.storage.configuration import from_json
 
+# Motions that a row measures: real ones, reconstructions, samples of the denoiser or of a VAE's
+# prior, or latents along the reverse process.
 Kind = Literal["real", "reconstructed", "generated", "prior", "latents"]
-"""Motions that a row measures: real ones, reconstructions, samples of the denoiser or of a VAE's
-prior, or latents along the reverse process."""
 
 
 @dataclass(frozen=True)
 class Row:
     """A row of a table."""
 
-    name: str
-    """Name for `--rows`."""
-    title: str
-    """Text in the table."""
-    motions: Kind = "generated"
-    """Motions that are measured."""
+    name: str  # Name for `--rows`.
+    title: str  # Text in the table.
+    motions: Kind = "generated"  # Motions that are measured.
+    # Name of its model; empty for real motions, and for a row that cannot be run here.
     model: str = ""
-    """Name of its model; empty for real motions, and for a row that cannot be run here."""
-    steps: int | None = None
-    """Sampling steps; by default those of the model."""
-    guidance: float | None = None
-    """Guidance scale; by default that of the model."""
-    sampler: SamplerName | None = None
-    """Sampler; by default that of the model."""
+    steps: int | None = None  # Sampling steps; by default those of the model.
+    guidance: float | None = None  # Guidance scale; by default that of the model.
+    sampler: SamplerName | None = None  # Sampler; by default that of the model.
+    # Share of the denoiser's training after which it is measured; by default all of it.
     share: float | None = None
-    """Share of the denoiser's training after which it is measured; by default all of it."""
+    # The paper's figures by metric; null if no source at hand states one that it has.
     paper: Mapping[str, float | None] = field(default_factory=dict)
-    """The paper's figures by metric; null if no source at hand states one that it has."""
-    missing: str = ""
-    """Reason why it cannot be run here; empty if it can."""
+    missing: str = ""  # Reason why it cannot be run here; empty if it can.
 
 
 @dataclass(frozen=True)
 class Table:
     """One table or figure."""
 
-    name: str
-    """Name on the command line."""
-    title: str
-    """Title on its page."""
-    where: str
-    """Its place in the paper."""
-    rows: tuple[Row, ...]
-    """Rows in order."""
-    metrics: tuple[str, ...]
-    """Columns in order."""
-    data: str = "any text-motion data set"
-    """Data set that it is run on."""
+    name: str  # Name on the command line.
+    title: str  # Title on its page.
+    where: str  # Its place in the paper.
+    rows: tuple[Row, ...]  # Rows in order.
+    metrics: tuple[str, ...]  # Columns in order.
+    data: str = "any text-motion data set"  # Data set that it is run on.
+    # Splits whose FID are columns, the last with all other metrics; by default the protocol's.
     splits: tuple[str, ...] = ()
-    """Splits whose FID are columns, the last with all other metrics; by default the protocol's."""
-    source: str = ""
-    """Name of the only source that its data may have; empty for any."""
+    source: str = ""  # Name of the only source that its data may have; empty for any.
+    # Plot that goes with it.
     figure: Literal["", "time", "guidance", "training", "bars", "tsne"] = ""
-    """Plot that goes with it."""
-    expects: str = ""
-    """The paper's conclusion from it."""
+    expects: str = ""  # The paper's conclusion from it.
 
 
 def _tables() -> dict[str, Table]:
@@ -90,8 +75,7 @@ def _tables() -> dict[str, Table]:
     return {table.name: table for table in (from_json(Table, each) for each in tables)}
 
 
-TABLES = _tables()
-"""Every table and figure by name, in the paper's order."""
+TABLES = _tables()  # Every table and figure by name, in the paper's order.
 
 
 def table_named(name: str) -> Table:

@@ -45,6 +45,7 @@ from latentmotion.training.run_folder import MODEL, Run, read_run
 from latentmotion.training.stages import train_denoiser, train_vae
 from latentmotion.training.task_conditions import task_conditioning, with_condition_width
 
+# Parts of an experiment that determine the second stage.
 SECOND_STAGE = (
     *FIRST_STAGE,
     "task",
@@ -54,36 +55,26 @@ SECOND_STAGE = (
     "denoiser_training",
     "conditioning",
 )
-"""Parts of an experiment that determine the second stage."""
 
-EQUALS = "z0"
-"""Model whose training others have as much of: MLD-1 of z₀."""
+EQUALS = "z0"  # Model whose training others have as much of: MLD-1 of z₀.
 
 
 @dataclass(frozen=True)
 class Workspace:
     """Data set, sizes and folder that all rows of a run share."""
 
-    dataset: Dataset
-    """Data set for training and measuring."""
-    folder: Path
-    """Folder of runs and results."""
-    budget: Budget
-    """Sizes."""
-    context: DistributedContext
-    """Device and rank."""
-    encoders: Callable[[str], TextEncoder]
-    """Text encoder by name."""
-    encoder: str = "starter"
-    """Text encoder of models that name none."""
-    models: Mapping[str, Model] = field(default_factory=lambda: MODELS)
-    """Models by name."""
+    dataset: Dataset  # Data set for training and measuring.
+    folder: Path  # Folder of runs and results.
+    budget: Budget  # Sizes.
+    context: DistributedContext  # Device and rank.
+    encoders: Callable[[str], TextEncoder]  # Text encoder by name.
+    encoder: str = "starter"  # Text encoder of models that name none.
+    models: Mapping[str, Model] = field(default_factory=lambda: MODELS)  # Models by name.
+    # Folder of trained VAEs, which are taken as they are; by default they are trained here.
     vaes: Path | None = None
-    """Folder of trained VAEs, which are taken as they are; by default they are trained here."""
+    # SMPL model file of the loss on vertices; without it action models compare joints instead.
     body: Path | None = None
-    """SMPL model file of the loss on vertices; without it action models compare joints instead."""
-    tell: Callable[[str], None] = print
-    """Receives lines of progress."""
+    tell: Callable[[str], None] = print  # Receives lines of progress.
 
     def encoder_of(self, model: Model) -> TextEncoder | None:
         """Returns the text encoder of a model; None if its task reads no text."""
@@ -215,14 +206,11 @@ class Workspace:
         return True
 
 
-SECONDS = 4
-"""Length of the motion that is decoded."""
+SECONDS = 4  # Length of the motion that is decoded.
 
-BATCH, FRAMES = 32, 64
-"""Motions of the training step, and their length."""
+BATCH, FRAMES = 32, 64  # Motions of the training step, and their length.
 
-TIMED = 10
-"""Repetitions of each measurement; the first half warms up."""
+TIMED = 10  # Repetitions of each measurement; the first half warms up.
 
 
 def vae_cost(vae: MotionVAE, features: int, fps: float) -> dict[str, Figure]:
@@ -262,12 +250,11 @@ def _seconds(action: Callable[[], object]) -> float:
     return median(times[TIMED // 2 :])
 
 
-Quantity = Literal["FLOPs", "crops"]
-"""What training is counted in."""
+Quantity = Literal["FLOPs", "crops"]  # What training is counted in.
 
+# An experiment to the crops of a stage's step, its planned steps, and a step's forward and
+# backward.
 Step = Callable[[Experiment], tuple[int, int, Callable[[], object]]]
-"""An experiment to the crops of a stage's step, its planned steps, and a step's forward and
-backward."""
 
 
 def training_cost(vae: Path | None, denoiser: Path) -> dict[str, Figure]:

@@ -135,16 +135,12 @@ _DIRECTIONS = 48
 class Flesh:
     """Points of a surface, each carried by up to four joints."""
 
-    places: Float[np.ndarray, "points 4 3"]
-    """Positions away from each of its joints at rest."""
-    joints: Int[np.ndarray, "points 4"]
-    """The joints that carry a point."""
-    weights: Float[np.ndarray, "points 4"]
-    """The share of each; the sum is 1."""
+    places: Float[np.ndarray, "points 4 3"]  # Positions away from each of its joints at rest.
+    joints: Int[np.ndarray, "points 4"]  # The joints that carry a point.
+    weights: Float[np.ndarray, "points 4"]  # The share of each; the sum is 1.
+    # The part of each: `left_foot`, `right_foot`, `left_hand`, `right_hand` or `body`.
     part: Shaped[np.ndarray, " points"]
-    """The part of each: `left_foot`, `right_foot`, `left_hand`, `right_hand` or `body`."""
-    sole: float
-    """Height of the soles at rest above the floor of the rig, meters."""
+    sole: float  # Height of the soles at rest above the floor of the rig, meters.
 
     def heights(self, pose: RigPose) -> Float[np.ndarray, "frames points"]:
         """Returns the heights of all points, by linear blend skinning."""

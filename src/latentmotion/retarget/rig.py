@@ -58,26 +58,17 @@ _LOWEST = 2.0
 class Rig:
     """A skeleton to retarget motions to."""
 
-    file: RigFile
-    """The file it comes from, which also writes it."""
-    body: Humanoid
-    """Its joints by our names; the skeleton is in meters, y up, facing +z."""
-    axes: Float[np.ndarray, "3 3"]
-    """Its left, up and ahead in the file's axes."""
-    meters: float
-    """Meters per unit of the file."""
-    root: Float[np.ndarray, " 3"]
-    """Rest position of joint 0, meters, the floor at height 0."""
-    floor: float
-    """Height of the floor in the file, meters."""
-    leg: float
-    """Length of thigh and shank, meters."""
-    order: tuple[int, ...]
-    """Each joint's index in the file."""
+    file: RigFile  # The file it comes from, which also writes it.
+    body: Humanoid  # Its joints by our names; the skeleton is in meters, y up, facing +z.
+    axes: Float[np.ndarray, "3 3"]  # Its left, up and ahead in the file's axes.
+    meters: float  # Meters per unit of the file.
+    root: Float[np.ndarray, " 3"]  # Rest position of joint 0, meters, the floor at height 0.
+    floor: float  # Height of the floor in the file, meters.
+    leg: float  # Length of thigh and shank, meters.
+    order: tuple[int, ...]  # Each joint's index in the file.
+    # Where the file's own rest pose does not stand: the rotations to the one that does.
     bases: Float[np.ndarray, "joints 3 3"] | None = None
-    """Where the file's own rest pose does not stand: the rotations to the one that does."""
-    guesses: tuple[str, ...] = ()
-    """What its body alone showed, and the option that overrules it."""
+    guesses: tuple[str, ...] = ()  # What its body alone showed, and the option that overrules it.
 
     @property
     def skeleton(self) -> Skeleton:
@@ -124,12 +115,10 @@ class Rig:
 class RigPose:
     """A rig over time; joints without a rotation of their own rest in their parents."""
 
-    rig: Rig
-    """The rig."""
+    rig: Rig  # The rig.
+    # Rotations of some joints in the world, away from the rest pose.
     rotations: Mapping[int, Rotations]
-    """Rotations of some joints in the world, away from the rest pose."""
-    hips: Float[np.ndarray, "frames 3"]
-    """The middle of both hips, meters, the floor at height 0."""
+    hips: Float[np.ndarray, "frames 3"]  # The middle of both hips, meters, the floor at height 0.
 
     def moved(
         self, rotations: Mapping[int, Rotations], hips: Float[np.ndarray, "frames 3"] | None = None
@@ -318,16 +307,12 @@ _HIGHEST = {"foot": 0.08, "ankle": 0.2}
 class SourceCharacter:
     """A moving body, described as if its rest pose stood upright facing +z."""
 
-    body: Humanoid
-    """Its joints; its skeleton's rest pose is turned to face +z."""
-    joints: Float[np.ndarray, "frames joints 3"]
-    """Positions, meters, y up, the floor at height 0."""
+    body: Humanoid  # Its joints; its skeleton's rest pose is turned to face +z.
+    joints: Float[np.ndarray, "frames joints 3"]  # Positions, meters, y up, the floor at height 0.
+    # Rotations in the world, away from the rest pose.
     world: Float[np.ndarray, "frames joints 3 3"]
-    """Rotations in the world, away from the rest pose."""
-    fps: float
-    """Frames per second."""
-    leg: float
-    """Length of thigh and shank, meters."""
+    fps: float  # Frames per second.
+    leg: float  # Length of thigh and shank, meters.
 
     @classmethod
     def of(cls, source: Motion | Animation, body: Humanoid | None = None) -> SourceCharacter:
@@ -379,16 +364,11 @@ class SourceCharacter:
 class RigReport:
     """Description of a character."""
 
-    bones: tuple[str, ...]
-    """Names of its bones."""
-    mapping: dict[str, str | None]
-    """Our joints → its bones."""
-    guessed: tuple[str, ...] = ()
-    """Joints whose bones were guessed; people should look at them."""
-    missing: tuple[str, ...] = ()
-    """Joints that are needed and have no bone."""
-    problem: str | None = None
-    """Why no motion can be put on it yet."""
+    bones: tuple[str, ...]  # Names of its bones.
+    mapping: dict[str, str | None]  # Our joints → its bones.
+    guessed: tuple[str, ...] = ()  # Joints whose bones were guessed; people should look at them.
+    missing: tuple[str, ...] = ()  # Joints that are needed and have no bone.
+    problem: str | None = None  # Why no motion can be put on it yet.
 
 
 def inspect_rig(path: str | Path, joint_map: Mapping[str, str] | None = None) -> RigReport:

@@ -41,33 +41,24 @@ _STILL = 1e-6
 class RigTake:
     """One animation, in the axes and unit of the file that it is written to."""
 
-    name: str
-    """Its name in the file."""
-    animation: Animation
-    """Of the file's own skeleton."""
+    name: str  # Its name in the file.
+    animation: Animation  # Of the file's own skeleton.
 
 
 class RigFile(ABC):
     """A file with a skeleton."""
 
-    path: Path
-    """The file."""
-    skeleton: Skeleton
-    """Its joints in rest pose, in the file's own axes and unit."""
-    root: Float[np.ndarray, " 3"]
-    """Rest position of joint 0."""
-    movable: frozenset[int]
-    """Joints that the file can translate as well as rotate."""
-    unit: float | None = None
-    """Meters per unit, where the file says so."""
+    path: Path  # The file.
+    skeleton: Skeleton  # Its joints in rest pose, in the file's own axes and unit.
+    root: Float[np.ndarray, " 3"]  # Rest position of joint 0.
+    movable: frozenset[int]  # Joints that the file can translate as well as rotate.
+    unit: float | None = None  # Meters per unit, where the file says so.
+    # Its own frames, in its axes and unit, where the rest pose alone does not say enough.
     animation: Animation | None = None
-    """Its own frames, in its axes and unit, where the rest pose alone does not say enough."""
-    mirrored: bool = False
-    """Whether scales mirror its joints."""
+    mirrored: bool = False  # Whether scales mirror its joints.
+    # Joints by their names in VRM's humanoid, where the file has them.
     declared: Mapping[str, int] = MappingProxyType({})
-    """Joints by their names in VRM's humanoid, where the file has them."""
-    endings: tuple[str, ...] = (".bvh",)
-    """File endings that `write` supports."""
+    endings: tuple[str, ...] = (".bvh",)  # File endings that `write` supports.
 
     @abstractmethod
     def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:

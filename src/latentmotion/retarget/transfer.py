@@ -64,8 +64,8 @@ _SAME = 0.01
 # Standard deviation, seconds, of the Gaussian that takes the sway of steps out of the heading.
 _SWAY = 0.25
 
+# Target of root motion: the pelvis, the rig's root bone, or nothing (in place).
 RootMotion = Literal["pelvis", "root", "none"]
-"""Target of root motion: the pelvis, the rig's root bone, or nothing (in place)."""
 
 
 def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None) -> Animation:

@@ -23,22 +23,22 @@ from latentmotion.retrieval.index import DRAWN, SHOWN, ClipIndex
 from latentmotion.retrieval.wordings import in_words_of_captions
 from latentmotion.text.encoder import pieces
 
+# Cosine of the nearest caption below which a sentence is foreign, unless a wording is near. With
+# the other signs 2 % of 200 known sentences and 94 % of 161 foreign ones are doubted (lists of
+# benchmarks/quality/acts).
 FAR = 0.66
-"""Cosine of the nearest caption below which a sentence is foreign, unless a wording is near. With
-the other signs 2 % of 200 known sentences and 94 % of 161 foreign ones are doubted (lists of
-benchmarks/quality/acts)."""
 
+# The same where that caption is of a drawn clip, whose short sentences share words with others.
 FAR_OF_DRAWN = 0.7
-"""The same where that caption is of a drawn clip, whose short sentences share words with others."""
 
+# Change of the embedding without a word, as 1 - cosine, from which the word matters.
 TURNS_MEANING = 0.2
-"""Change of the embedding without a word, as 1 - cosine, from which the word matters."""
 
+# Cosine of the nearest caption from which the sentence is known, whatever its words are.
 NEAR_ENOUGH = 0.8
-"""Cosine of the nearest caption from which the sentence is known, whatever its words are."""
 
+# Cosine of the nearest wording from which it is known, too; wordings name more than clips show.
 SAID_OTHERWISE = 0.85
-"""Cosine of the nearest wording from which it is known, too; wordings name more than clips show."""
 
 # Clips that have a word which another is taken for a misspelling of.
 _FREQUENT = 20
@@ -52,12 +52,9 @@ class DoubtWarning(UserWarning):
 class Doubt:
     """Something that the model does not know."""
 
-    about: str
-    """The words in question."""
-    reason: str
-    """Why it is not known."""
-    nearest: str
-    """The nearest caption that the model learned."""
+    about: str  # The words in question.
+    reason: str  # Why it is not known.
+    nearest: str  # The nearest caption that the model learned.
 
     def __str__(self) -> str:
         doubt = f'not sure about "{self.about}" ({self.reason})'
@@ -68,18 +65,14 @@ class Doubt:
 class Reading:
     """A sentence as the model reads it."""
 
+    # The sentence, misspelled words corrected, and without what it says is not to happen.
     sentence: str
-    """The sentence, misspelled words corrected, and without what it says is not to happen."""
-    negated: bool = False
-    """Whether something was left out since it is not to happen."""
-    corrections: tuple[tuple[str, str], ...] = ()
-    """Words as they were typed and as they are read."""
-    doubt: Doubt | None = None
-    """What the model does not know of it."""
+    negated: bool = False  # Whether something was left out since it is not to happen.
+    corrections: tuple[tuple[str, str], ...] = ()  # Words as they were typed and as they are read.
+    doubt: Doubt | None = None  # What the model does not know of it.
+    # The sentence in words of captions, where its own are far from them.
     caption: str | None = None
-    """The sentence in words of captions, where its own are far from them."""
-    translation: str = ""
-    """What was understood of a sentence in another language."""
+    translation: str = ""  # What was understood of a sentence in another language.
 
     @property
     def prompt(self) -> str:
@@ -113,10 +106,8 @@ class Reading:
 class Doubts:
     """Finds doubts by the captions of an index."""
 
-    index: ClipIndex
-    """Captions of the training data."""
-    text_encoder: TextEncoder
-    """Embeds sentences."""
+    index: ClipIndex  # Captions of the training data.
+    text_encoder: TextEncoder  # Embeds sentences.
 
     def read(self, sentence: str) -> Reading:
         """Returns a sentence as the model reads it, and what it does not know of it."""

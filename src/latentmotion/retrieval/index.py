@@ -33,38 +33,37 @@ from latentmotion.storage.files import atomic_file
 
 FORMAT = "latentmotion moves 1"
 
+# Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
+# does, below .60 usually not (trial on 16 sentences, lab/diary/rare_acts.md).
 LEAST_COSINE = 0.6
-"""Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
-does, below .60 usually not (trial on 16 sentences, lab/diary/rare_acts.md)."""
 
+# Cosine from which a drawn clip may show what a sentence asks for: its sentences are short, and
+# share words with others ("ape around" is 0.71 from "sneaks around", but 0.98 from a wording). Of
+# eight prompts of users between 0.64 and 0.68 three start from what they ask for, three from
+# something near it; they are doubted, too.
 LEAST_OF_DRAWN = 0.64
-"""Cosine from which a drawn clip may show what a sentence asks for: its sentences are short, and
-share words with others ("ape around" is 0.71 from "sneaks around", but 0.98 from a wording). Of
-eight prompts of users between 0.64 and 0.68 three start from what they ask for, three from
-something near it; they are doubted, too."""
 
+# Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes
+# another one from noise. With 60 frequent movements lost (lab/diary/rare_acts.md).
 RARE = 20
-"""Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes
-another one from noise. With 60 frequent movements lost (lab/diary/rare_acts.md)."""
 
+# Support from which a caption is too common for a clip or a wording to be taken on less than clear
+# evidence.
 OFTEN = 120
-"""Support from which a caption is too common for a clip or a wording to be taken on less than clear
-evidence."""
 
+# How much farther than the nearest a caption may be for its support to count. Along discriminants
+# cosines lie farther apart: with 0.03 "walks forward and sits down" was rare, as 23 of 200 known
+# sentences were; along principal directions it was not, and 19 were.
 ABOUT = 0.05
-"""How much farther than the nearest a caption may be for its support to count. Along discriminants
-cosines lie farther apart: with 0.03 "walks forward and sits down" was rare, as 23 of 200 known
-sentences were; along principal directions it was not, and 19 were."""
 
+# Supports that nothing was counted for: of a clip that a user showed, which is started from however
+# frequent the movement is, and of one that was drawn for its sentences.
 SHOWN, DRAWN = 0, -1
-"""Supports that nothing was counted for: of a clip that a user showed, which is started from
-however frequent the movement is, and of one that was drawn for its sentences."""
 
+# Cosine from which a sentence says the same as one of a drawn clip, however frequent it is.
 ALIKE_WORDS = 0.9
-"""Cosine from which a sentence says the same as one of a drawn clip, however frequent it is."""
 
-ALL_DIRECTIONS = np.zeros((0, 0), np.float32)
-"""Directions of an index that keeps embeddings whole."""
+ALL_DIRECTIONS = np.zeros((0, 0), np.float32)  # Directions of an index that keeps embeddings whole.
 
 # Unpacked size of the largest file: some 5,000 hours of clips.
 _MOST_BYTES = 1 << 28
@@ -77,44 +76,32 @@ _LONGEST_TEXT, _MOST_CLIPS, _MOST_CAPTIONS = 1_000, 100_000, 1_000_000
 class IndexedClip:
     """A clip in an index."""
 
-    id: str
-    """Unique name."""
-    source: str
-    """Name of its source."""
-    origin: str
-    """The recording that it was cut from and where."""
-    start: int
-    """First row of its latents."""
-    tokens: int
-    """Number of rows."""
+    id: str  # Unique name.
+    source: str  # Name of its source.
+    origin: str  # The recording that it was cut from and where.
+    start: int  # First row of its latents.
+    tokens: int  # Number of rows.
 
 
 @dataclass(frozen=True)
 class IndexedCaption:
     """A sentence about a clip, or about a part of it."""
 
-    text: str
-    """The sentence."""
-    clip: int
-    """Number of the clip."""
-    start: int
-    """First latent token of the part, counted from the clip's first."""
-    end: int
-    """One past its last."""
+    text: str  # The sentence.
+    clip: int  # Number of the clip.
+    start: int  # First latent token of the part, counted from the clip's first.
+    end: int  # One past its last.
+    # Number of clips with a caption of nearly the same meaning (`teach.py`), SHOWN or DRAWN.
     support: int
-    """Number of clips with a caption of nearly the same meaning (`teach.py`), SHOWN or DRAWN."""
 
 
 @dataclass(frozen=True)
 class Neighbor:
     """A caption near a sentence."""
 
-    caption: IndexedCaption
-    """The caption."""
-    cosine: float
-    """Cosine of their embeddings."""
-    mirrored: bool = False
-    """Whether the caption is near the sentence with left and right swapped."""
+    caption: IndexedCaption  # The caption.
+    cosine: float  # Cosine of their embeddings.
+    mirrored: bool = False  # Whether the caption is near the sentence with left and right swapped.
 
     @property
     def is_near(self) -> bool:
@@ -130,32 +117,24 @@ class ClipIndex:
         InputError: Numbers of rows differ, or a caption or clip lies outside.
     """
 
-    text_encoder: str
-    """Name of the text encoder of the embeddings."""
-    latent_space: str
-    """Fingerprint of the latent space (`fingerprint`)."""
-    sources: tuple[Source, ...]
-    """Owners of the clips, with their terms."""
-    clips: tuple[IndexedClip, ...]
-    """The clips."""
-    captions: tuple[IndexedCaption, ...]
-    """The captions."""
-    latents: Int[np.ndarray, "tokens width"]
-    """Codes of the latents of all clips."""
-    latent_scale: Float[np.ndarray, " width"]
-    """Step of each channel, in the denoiser's scale."""
+    text_encoder: str  # Name of the text encoder of the embeddings.
+    latent_space: str  # Fingerprint of the latent space (`fingerprint`).
+    sources: tuple[Source, ...]  # Owners of the clips, with their terms.
+    clips: tuple[IndexedClip, ...]  # The clips.
+    captions: tuple[IndexedCaption, ...]  # The captions.
+    latents: Int[np.ndarray, "tokens width"]  # Codes of the latents of all clips.
+    latent_scale: Float[np.ndarray, " width"]  # Step of each channel, in the denoiser's scale.
+    # Number of the caption that each wording, which is kept by its embedding alone, says in the
+    # words that people type.
     wordings: Int[np.ndarray, " wordings"]
-    """Number of the caption that each wording, which is kept by its embedding alone, says in the
-    words that people type."""
+    # Codes of the pooled embeddings of captions, then of wordings; their lengths carry no meaning.
     embeddings: Int[np.ndarray, "rows components"]
-    """Codes of the pooled embeddings of captions, then of wordings; their lengths carry no
-    meaning."""
+    # Directions of embeddings along which those of an index are compared; of no components where
+    # that is all of them.
     directions: Float[np.ndarray, "embedding directions"]
-    """Directions of embeddings along which those of an index are compared; of no components where
-    that is all of them."""
+    # Words of all captions of the data, with the number of clips whose captions have them; also of
+    # captions that were left out (`teach.py`).
     words: Mapping[str, int]
-    """Words of all captions of the data, with the number of clips whose captions have them; also of
-    captions that were left out (`teach.py`)."""
 
     def __post_init__(self) -> None:
         sources = {source.name for source in self.sources}
@@ -392,10 +371,10 @@ def fingerprint(space: LatentSpace) -> str:
     return hashlib.sha256(about.encode()).hexdigest()[:16]
 
 
+# Largest codes of latents, of embeddings and of joined latents, which zlib packs. With 31 levels of
+# latents hands of drawn movements were 54 mm from where they belong, with 63 they are 27 mm; the
+# cosine of two embeddings is off by 0.006.
 LATENT_LEVELS, EMBEDDING_LEVELS, MOST_LEVELS = 63, 7, 127
-"""Largest codes of latents, of embeddings and of joined latents, which zlib packs. With 31 levels
-of latents hands of drawn movements were 54 mm from where they belong, with 63 they are 27 mm; the
-cosine of two embeddings is off by 0.006."""
 
 
 def quantized(

@@ -53,47 +53,43 @@ from latentmotion.retrieval.index import (
 )
 from latentmotion.text.encoder import pieces
 
+# Cosine up to which a caption says nothing of what a sentence asks for; the short sentences of
+# drawn clips are still right where longer captions are not (by two lists of 80 prompts).
 UNRELATED, UNRELATED_OF_DRAWN = 0.55, 0.4
-"""Cosine up to which a caption says nothing of what a sentence asks for; the short sentences of
-drawn clips are still right where longer captions are not (by two lists of 80 prompts)."""
 
-USUAL = 60.0
-"""Support of a movement that succeeds from noise about as often as from a clip."""
+USUAL = 60.0  # Support of a movement that succeeds from noise about as often as from a clip.
 
+# Cosine from which a sentence says nearly the same as one of a drawn clip, which it then starts
+# from where no more than OFTEN clips support captions that are about as near. With this and the
+# rules below 39 of 817 prompts start from another clip: 26 from what they ask for, five from
+# something near it, eight from something else.
 NEARLY_ALIKE = 0.8
-"""Cosine from which a sentence says nearly the same as one of a drawn clip, which it then starts
-from where no more than OFTEN clips support captions that are about as near. With this and the rules
-below 39 of 817 prompts start from another clip: 26 from what they ask for, five from something near
-it, eight from something else."""
 
+# Least part of the weight of a sentence's words, and of its weightiest word, that the caption of a
+# drawn clip must have to be started from for its words alone.
 LEAST_SAID, LEAST_WEIGHT = 0.45, 4.0
-"""Least part of the weight of a sentence's words, and of its weightiest word, that the caption of a
-drawn clip must have to be started from for its words alone."""
 
+# Cosine of a caption with each clause of a sentence, and with all on average, from which it tells
+# of all of them; difference of cosines that codes of embeddings do not show.
 LEAST_TOLD, MEAN_TOLD, EQUAL = 0.38, 0.54, 0.01
-"""Cosine of a caption with each clause of a sentence, and with all on average, from which it tells
-of all of them; difference of cosines that codes of embeddings do not show."""
 
+# Weight of the embedding of a sentence beside that of a single word of it: with 0.5 archers shoot
+# with rifles, with 0.7 other words are outweighed.
 CONTEXT = 0.6
-"""Weight of the embedding of a sentence beside that of a single word of it: with 0.5 archers shoot
-with rifles, with 0.7 other words are outweighed."""
 
+# Largest support, share of the sampling steps that are left after a start, and share of the clip
+# that stays in the result: the more the denoiser knows of a movement, the more it may change. What
+# was shown or drawn is what is wanted: one step takes hands 89 mm from it, with 0.7 kept 37 mm.
 SHARES = ((SHOWN, 0.25, 0.7), (5, 0.25, 0.0), (RARE, 0.5, 0.0))
-"""Largest support, share of the sampling steps that are left after a start, and share of the clip
-that stays in the result: the more the denoiser knows of a movement, the more it may change. What
-was shown or drawn is what is wanted: one step takes hands 89 mm from it, with 0.7 kept 37 mm."""
 
-ALIKE = 0.03
-"""How much farther than the nearest a caption may be for its clip to be another start."""
+ALIKE = 0.03  # How much farther than the nearest a caption may be for its clip to be another start.
 
-MOST_CHOICES = 4
-"""Clips among which takes take turns."""
+MOST_CHOICES = 4  # Clips among which takes take turns.
 
-MOST_MOVEMENTS = 8
-"""Movements of a sentence that start from clips of their own; more have no time."""
+MOST_MOVEMENTS = 8  # Movements of a sentence that start from clips of their own; more have no time.
 
+# Factor by which a clip may be slowed down or sped up; beyond it is repeated or cut.
 LONGEST_STRETCH = 1.4
-"""Factor by which a clip may be slowed down or sped up; beyond it is repeated or cut."""
 
 # Speed at which the joints go from one movement to the next, m/s; most seconds of it.
 _SEAM, _LONGEST_SEAM = 0.6, 1.6
@@ -113,13 +109,11 @@ _HELD_OUT, _CALIBRATION = 0.6, 0.3
 class Choice:
     """Captions near a movement of a sentence, and how many clips show it."""
 
+    # The nearest, and those that are nearly as near, whose clips take turns; none for a movement
+    # that is sampled from noise beside others from clips.
     neighbors: tuple[Neighbor, ...]
-    """The nearest, and those that are nearly as near, whose clips take turns; none for a movement
-    that is sampled from noise beside others from clips."""
-    support: int
-    """About how many clips show the movement."""
-    sentence: str
-    """What says the movement."""
+    support: int  # About how many clips show the movement.
+    sentence: str  # What says the movement.
 
     @property
     def cosine(self) -> float:
@@ -138,25 +132,20 @@ class Choice:
         return self.neighbors[0].is_near
 
 
-Span = tuple[tuple[str, ...], Choice]
-"""Clauses of a sentence in a row, and clips near them."""
+Span = tuple[tuple[str, ...], Choice]  # Clauses of a sentence in a row, and clips near them.
 
 
 @dataclass(frozen=True)
 class ClipStart:
     """Latents of one clip or of several in a row, and what they are of."""
 
-    start: Start
-    """Where sampling starts."""
-    frames: int
-    """Length of the motion."""
-    clips: tuple[dict[str, Any], ...]
-    """Clips with their owners and terms, as JSON can hold them."""
-    movements: int
-    """How many follow each other."""
+    start: Start  # Where sampling starts.
+    frames: int  # Length of the motion.
+    clips: tuple[dict[str, Any], ...]  # Clips with their owners and terms, as JSON can hold them.
+    movements: int  # How many follow each other.
+    # How much likelier the motion shows what is asked than one from noise, 0 to 1: the nearness of
+    # sentence and caption, less where many clips support it.
     advantage: float
-    """How much likelier the motion shows what is asked than one from noise, 0 to 1: the nearness of
-    sentence and caption, less where many clips support it."""
 
     def about(self) -> dict[str, Any]:
         """Returns what a file says of the start."""
@@ -167,20 +156,15 @@ class ClipStart:
 class ClipStarts:
     """Chooses starts among the clips of an index."""
 
-    card: ModelCard
-    """The model."""
-    index: ClipIndex
-    """The clips."""
-    text_encoder: TextEncoder
-    """Embeds sentences."""
-    encoder: FeatureEncoder
-    """Encodes mirrored clips."""
+    card: ModelCard  # The model.
+    index: ClipIndex  # The clips.
+    text_encoder: TextEncoder  # Embeds sentences.
+    encoder: FeatureEncoder  # Encodes mirrored clips.
+    # Latents and mask of frames to features: decodes the clips that are mirrored.
     decode: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    """Latents and mask of frames to features: decodes the clips that are mirrored."""
-    representation: Representation
-    """Mirrors features."""
+    representation: Representation  # Mirrors features.
+    # Features of one movement of a sentence, sampled from noise as a request says.
     sample: Callable[[str, GenerationRequest], np.ndarray]
-    """Features of one movement of a sentence, sampled from noise as a request says."""
 
     @property
     def doubts(self) -> Doubts:

@@ -50,16 +50,11 @@ from latentmotion.retrieval.wordings import embedded
 class ShownClip:
     """A clip with sentences about it."""
 
-    id: str
-    """Unique name."""
-    source: str
-    """Name of its owner's source."""
-    origin: str
-    """The recording."""
-    features: Float[np.ndarray, "frames features"]
-    """In their own units."""
-    captions: tuple[Caption, ...]
-    """Sentences about it or about parts of it."""
+    id: str  # Unique name.
+    source: str  # Name of its owner's source.
+    origin: str  # The recording.
+    features: Float[np.ndarray, "frames features"]  # In their own units.
+    captions: tuple[Caption, ...]  # Sentences about it or about parts of it.
 
 
 def build_index(
@@ -150,8 +145,7 @@ def shown_clips(dataset: Dataset, held_out: Container[str] = frozenset()) -> Ite
             yield ShownClip(clip.id, clip.source, clip.origin, features, captions)
 
 
-NEAR = 0.7
-"""Cosine of pooled embeddings from which two sentences usually name the same movement."""
+NEAR = 0.7  # Cosine of pooled embeddings from which two sentences usually name the same movement.
 
 # Sentences that are compared with all captions together.
 _AT_ONCE = 512
@@ -182,11 +176,10 @@ def support(
     return np.concatenate(counts)
 
 
-SUPPORT = 60
-"""Support up to which all captions of different meaning are kept."""
+SUPPORT = 60  # Support up to which all captions of different meaning are kept.
 
+# Cosines from which two captions of one clip, and two of frequent movements, say the same.
 SAME_OF_CLIP, SAME_OF_ALL = 0.8, 0.8
-"""Cosines from which two captions of one clip, and two of frequent movements, say the same."""
 
 
 def thinned(index: ClipIndex) -> ClipIndex:

@@ -27,6 +27,7 @@ from latentmotion.kinematics.rotations import matrix_from_euler, matrix_from_qua
 # Sizes beyond which a file is no description of a robot.
 _MOST_BYTES, _MOST_LINKS, _DEEPEST = 16 * 2**20, 500, 100
 
+# Words in the names of hinges for the parts of a body.
 PARTS = {
     "hip": ("hip", "thigh"),
     "knee": ("knee", "shin", "calf"),
@@ -36,10 +37,8 @@ PARTS = {
     "wrist": ("wrist", "hand"),
     "waist": ("waist", "torso", "spine", "back", "abdomen", "chest", "trunk"),
 }
-"""Words in the names of hinges for the parts of a body."""
 
-SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
-"""Words for sides."""
+SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}  # Words for sides.
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 
@@ -48,24 +47,19 @@ _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 class Link:
     """A rigid part that turns about one hinge, or is fixed to its parent."""
 
-    parent: int
-    """Its parent's number; -1 for the root."""
-    offset: Float[np.ndarray, " 3"]
-    """Its origin in its parent, meters."""
-    rotation: Float[np.ndarray, "3 3"]
-    """Its axes in its parent while the hinge is at zero."""
-    hinge: str = ""
-    """Name of its hinge; empty where it is fixed."""
+    parent: int  # Its parent's number; -1 for the root.
+    offset: Float[np.ndarray, " 3"]  # Its origin in its parent, meters.
+    rotation: Float[np.ndarray, "3 3"]  # Its axes in its parent while the hinge is at zero.
+    hinge: str = ""  # Name of its hinge; empty where it is fixed.
+    # Axis of the hinge in the link, a unit vector.
     axis: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.zeros(3))
-    """Axis of the hinge in the link, a unit vector."""
+    # A point of the axis in the link.
     anchor: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.zeros(3))
-    """A point of the axis in the link."""
-    limits: tuple[float, float] = (-np.pi, np.pi)
-    """Least and greatest angle, radians."""
+    limits: tuple[float, float] = (-np.pi, np.pi)  # Least and greatest angle, radians.
+    # Each returns the corners of a shape, of which meshes are read only then.
     shapes: tuple[Callable[[], np.ndarray], ...] = ()
-    """Each returns the corners of a shape, of which meshes are read only then."""
+    # Its center of mass.
     center: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.zeros(3))
-    """Its center of mass."""
 
     @cached_property
     def points(self) -> Float[np.ndarray, "points 3"]:
@@ -88,12 +82,10 @@ class Robot:
         DataError: It lacks hips, knees, ankles, shoulders or elbows with known names.
     """
 
-    name: str
-    """Its name."""
-    links: tuple[Link, ...]
-    """Its links."""
+    name: str  # Its name.
+    links: tuple[Link, ...]  # Its links.
+    # Links of `left_hip`, `waist` and so on, from the root outward.
     parts: Mapping[str, tuple[int, ...]] = field(init=False, repr=False)
-    """Links of `left_hip`, `waist` and so on, from the root outward."""
 
     def __post_init__(self) -> None:
         parts: dict[str, list[int]] = {}

@@ -32,8 +32,7 @@ from latentmotion.motion import Motion
 from latentmotion.robots.description import Robot
 from latentmotion.storage.files import atomic_file
 
-ENDINGS = (".csv", ".npz")
-"""Files that motions of robots are written to."""
+ENDINGS = (".csv", ".npz")  # Files that motions of robots are written to.
 
 # Gauss-Newton steps, and radians of one that is the last.
 _STEPS, _STILL = 6, 0.003
@@ -59,18 +58,13 @@ _JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow")
 class RobotMotion:
     """A robot moving: z up, the floor at height 0."""
 
-    robot: Robot
-    """The robot."""
-    positions: Float[np.ndarray, "frames 3"]
-    """Positions of its root, meters."""
-    rotations: Float[np.ndarray, "frames 4"]
-    """Rotations of its root, quaternions w, x, y, z."""
+    robot: Robot  # The robot.
+    positions: Float[np.ndarray, "frames 3"]  # Positions of its root, meters.
+    rotations: Float[np.ndarray, "frames 4"]  # Rotations of its root, quaternions w, x, y, z.
+    # Angles of its hinges, radians, in the order of the file.
     angles: Float[np.ndarray, "frames hinges"]
-    """Angles of its hinges, radians, in the order of the file."""
-    fps: float
-    """Frames per second."""
-    missed: float
-    """Meters by which ankles miss their places, on average."""
+    fps: float  # Frames per second.
+    missed: float  # Meters by which ankles miss their places, on average.
 
     @property
     def qpos(self) -> Float[np.ndarray, "frames values"]:

@@ -59,14 +59,15 @@ _MOTIONS: dict[int | str, dict[str, Any]] = {
 }
 
 
+# Content security policy of the page: files of this service alone.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'self'"
 )
-"""Content security policy of the page: files of this service alone."""
 
 
+# Kinds of files that pages may name, by their endings.
 ASSETS: Mapping[str, str] = MappingProxyType(
     {
         ".css": "text/css",
@@ -77,19 +78,15 @@ ASSETS: Mapping[str, str] = MappingProxyType(
         ".txt": "text/plain",
     }
 )
-"""Kinds of files that pages may name, by their endings."""
 
 
 @dataclass(frozen=True)
 class Extension:
     """Further routes of an application that is built on the service."""
 
-    routes: Callable[[Service], APIRouter]
-    """Builds the routes."""
-    open_paths: frozenset[str] = frozenset()
-    """Paths that need no token."""
-    uploads: frozenset[str] = frozenset()
-    """Paths whose request bodies are files."""
+    routes: Callable[[Service], APIRouter]  # Builds the routes.
+    open_paths: frozenset[str] = frozenset()  # Paths that need no token.
+    uploads: frozenset[str] = frozenset()  # Paths whose request bodies are files.
 
 
 def create_app(settings: Settings | None = None, extension: Extension | None = None) -> FastAPI:

@@ -31,8 +31,8 @@ from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
 from latentmotion.text.encoder import MemoryCachedTextEncoder
 
+# Key and payloads of a batch to a result, or an exception, for each.
 Run = Callable[[Hashable, Sequence[Any]], Sequence[Any]]
-"""Key and payloads of a batch to a result, or an exception, for each."""
 
 NICE = 5 + (os.getpriority(os.PRIO_PROCESS, 0) if sys.platform != "win32" else 0)
 """Niceness of model threads and file workers: above the service's, so that its event loop is first.
@@ -41,8 +41,8 @@ Only root may set a niceness below the one that a service was started with.
 """
 
 
+# Client whose request is being handled; empty where clients are not told apart.
 CLIENT: ContextVar[str] = ContextVar("client", default="")
-"""Client whose request is being handled; empty where clients are not told apart."""
 
 
 @runtime_checkable
@@ -288,34 +288,26 @@ def _deliver(batch: Sequence[_Task], results: Sequence[Any]) -> None:
             task.future.set_result(result)
 
 
-RECENT_PROMPTS = 1000
-"""Prompts whose embeddings stay in memory, some 20 kB each."""
+RECENT_PROMPTS = 1000  # Prompts whose embeddings stay in memory, some 20 kB each.
 
 
 @dataclass(frozen=True)
 class BatchSettings:
     """Settings that prompts share if they are generated in one batch."""
 
-    steps: int | None
-    """Sampling steps; None for the model's own."""
-    guidance: float | None
-    """Guidance scale; None for the model's own."""
-    sampler: SamplerName | None
-    """Sampler; None for the model's own."""
-    predicted: bool
-    """The model predicts the length."""
+    steps: int | None  # Sampling steps; None for the model's own.
+    guidance: float | None  # Guidance scale; None for the model's own.
+    sampler: SamplerName | None  # Sampler; None for the model's own.
+    predicted: bool  # The model predicts the length.
 
 
 @dataclass(frozen=True)
 class Prompt:
     """A motion to generate."""
 
-    text: str
-    """What the person does."""
-    seconds: float | None
-    """Length; None for the predicted one."""
-    seed: int
-    """Seed of the noise."""
+    text: str  # What the person does.
+    seconds: float | None  # Length; None for the predicted one.
+    seed: int  # Seed of the noise.
 
 
 def with_recent_prompts(pipeline: MotionPipeline) -> MotionPipeline:

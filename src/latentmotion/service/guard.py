@@ -20,28 +20,25 @@ from latentmotion.service.problems import Problem, problem_response, refuse_stre
 from latentmotion.service.settings import CONNECTIONS, CONNECTIONS_OF_ADDRESS
 from latentmotion.service.state import Service
 
+# Paths that need no token: they hold nothing of anyone.
 OPEN = frozenset(
     {"/", "/docs", "/viewer", "/livez", "/readyz", "/openapi.json"}
     | {f"/assets/{name}.js" for name in ("page", "docs", "show", "viewer")}
     | {f"/assets/{name}.css" for name in ("page", "viewer")}
 )
-"""Paths that need no token: they hold nothing of anyone."""
 
-UPLOADS = frozenset({"/v1/clean", "/v1/convert", "/v1/retarget"})
-"""Paths whose bodies are files."""
+UPLOADS = frozenset({"/v1/clean", "/v1/convert", "/v1/retarget"})  # Paths whose bodies are files.
 
+# Paths that are refused before the body is read while the queue is full.
 QUEUED = frozenset({"/v1/motions", "/v1/batches"})
-"""Paths that are refused before the body is read while the queue is full."""
 
-HEALTH = frozenset({"/livez", "/readyz"})
-"""Paths of health checks."""
+HEALTH = frozenset({"/livez", "/readyz"})  # Paths of health checks.
 
-LARGEST_BODY = 1 << 18
-"""Largest request body that is no file, bytes."""
+LARGEST_BODY = 1 << 18  # Largest request body that is no file, bytes.
 
-BODY_SECONDS = 10.0
-"""Time until when a body has to be there; a file has six times as long."""
+BODY_SECONDS = 10.0  # Time until when a body has to be there; a file has six times as long.
 
+# Headers of every answer that has none of the kind.
 SECURITY: Mapping[str, str] = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -49,7 +46,6 @@ SECURITY: Mapping[str, str] = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'; sandbox",
 }
-"""Headers of every answer that has none of the kind."""
 
 
 class Guard:

@@ -42,23 +42,18 @@ from latentmotion.service.schemas import BatchRequest, JobState
 from latentmotion.service.state import Service
 from latentmotion.storage.files import is_disk_full, write_file
 
-MOST = 1000
-"""Most jobs in the folder, finished ones included."""
+MOST = 1000  # Most jobs in the folder, finished ones included.
 
-KEPT = 86_400.0
-"""Seconds for which a job is kept after its last change."""
+KEPT = 86_400.0  # Seconds for which a job is kept after its last change.
 
-LOOK = 2.0
-"""Seconds between two looks for jobs that another process left."""
+LOOK = 2.0  # Seconds between two looks for jobs that another process left.
 
-ROOM = 30.0
-"""Seconds between two looks for room on a full disk."""
+ROOM = 30.0  # Seconds between two looks for room on a full disk.
 
-TOGETHER = 16
-"""Motions that are generated as one batch and kept as one file."""
+TOGETHER = 16  # Motions that are generated as one batch and kept as one file.
 
+# Seconds that motions of jobs may wait for others; interactive requests go first.
 PATIENCE = 3600.0
-"""Seconds that motions of jobs may wait for others; interactive requests go first."""
 
 Name = Annotated[str, InPath(pattern="^[0-9a-f]{32}$", description="Name of the job.")]
 

@@ -48,12 +48,9 @@ from latentmotion.retarget.transfer import retarget
 class RequestedRig(RigFile):
     """The skeleton of a request, as `make_rig` reads rig files."""
 
-    skeleton: Skeleton
-    """Its joints; offsets in the world's axes at rest."""
-    rest: Float[np.ndarray, "joints 3 3"]
-    """Rotations of its joints in the world at rest."""
-    root: Float[np.ndarray, " 3"]
-    """Rest position of the root, meters."""
+    skeleton: Skeleton  # Its joints; offsets in the world's axes at rest.
+    rest: Float[np.ndarray, "joints 3 3"]  # Rotations of its joints in the world at rest.
+    root: Float[np.ndarray, " 3"]  # Rest position of the root, meters.
 
     path, unit, movable, endings = Path("the request's skeleton"), 1.0, frozenset({0}), ()
 
@@ -101,12 +98,9 @@ def _matrix(quaternion: Sequence[float]) -> Float[np.ndarray, "3 3"]:
 class TargetFigure:
     """What a request is answered on: a skeleton, its joints by our names, and its size."""
 
-    file: RequestedRig
-    """The skeleton."""
-    body: Humanoid
-    """Its joints by our names."""
-    rig: Rig | None
-    """To retarget to; None for our own skeleton."""
+    file: RequestedRig  # The skeleton.
+    body: Humanoid  # Its joints by our names.
+    rig: Rig | None  # To retarget to; None for our own skeleton.
 
     @classmethod
     def of(cls, skeleton: schemas.Skeleton) -> TargetFigure:

@@ -26,27 +26,22 @@ from latentmotion.service.settings import CONNECTIONS, CONNECTIONS_OF_ADDRESS
 from latentmotion.storage.children import allow_open_files
 from latentmotion.text.encoder import UnknownWordsWarning
 
+# Time from the opening of a connection, or the first byte of a further request, to the end of the
+# request's head.
 HEAD_SECONDS = 10.0
-"""Time from the opening of a connection, or the first byte of a further request, to the end of the
-request's head."""
 
-SPARE = 24
-"""Connections beyond these limits, on which health checks are still answered."""
+SPARE = 24  # Connections beyond these limits, on which health checks are still answered.
 
+# Seconds that an idle connection stays open: longer than a balancer's, which closes it first.
 KEEP_ALIVE = 75
-"""Seconds that an idle connection stays open: longer than a balancer's, which closes it first."""
 
-LARGEST_MESSAGE = 1 << 14
-"""Largest message of a stream's client, bytes."""
+LARGEST_MESSAGE = 1 << 14  # Largest message of a stream's client, bytes.
 
-WAITING = 2048
-"""Connections that may wait to be accepted (the backlog of the socket)."""
+WAITING = 2048  # Connections that may wait to be accepted (the backlog of the socket).
 
-PASSES = 100
-"""Passes of the event loop at most in which the last connections are accepted."""
+PASSES = 100  # Passes of the event loop at most in which the last connections are accepted.
 
-QUIET = 0.5
-"""Seconds without a request after which the connections that are still open are closed."""
+QUIET = 0.5  # Seconds without a request after which the connections that are still open are closed.
 
 
 class Connection(HttpToolsProtocol):

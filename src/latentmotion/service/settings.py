@@ -15,42 +15,31 @@ from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT
 from latentmotion.storage.files import read_lines
 
-LOOPBACK = ("localhost", "127.0.0.1", "::1")
-"""Names of this machine that no other machine reaches."""
+LOOPBACK = ("localhost", "127.0.0.1", "::1")  # Names of this machine that no other machine reaches.
 
-LEAST_TOKEN = 16
-"""Characters of a token at least: fewer can be guessed."""
+LEAST_TOKEN = 16  # Characters of a token at least: fewer can be guessed.
 
-CONNECTIONS = 1000
-"""Requests under way at the same time; beyond, they are answered by 503."""
+CONNECTIONS = 1000  # Requests under way at the same time; beyond, they are answered by 503.
 
+# Most connections of one address, so that a single client cannot take all of them.
 CONNECTIONS_OF_ADDRESS = CONNECTIONS // 2
-"""Most connections of one address, so that a single client cannot take all of them."""
 
-Middleware = Callable[[Any], Any]
-"""Takes an ASGI application and returns one, as tracing does."""
+Middleware = Callable[[Any], Any]  # Takes an ASGI application and returns one, as tracing does.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ServiceOptions:
     """Settings that the command line has as options of the same name."""
 
-    model: str = DEFAULT
-    """Name or folder of an exported model."""
-    threads: int = 1
-    """Threads that run the model, each a batch of its own."""
-    queue: int = 64
-    """Motions that wait at most; beyond, requests are refused (429)."""
-    deadline: float = 30.0
-    """Seconds that a request may take."""
+    model: str = DEFAULT  # Name or folder of an exported model.
+    threads: int = 1  # Threads that run the model, each a batch of its own.
+    queue: int = 64  # Motions that wait at most; beyond, requests are refused (429).
+    deadline: float = 30.0  # Seconds that a request may take.
+    # Processes that clean up motions and write files; as many again read uploads.
     file_workers: int = 2
-    """Processes that clean up motions and write files; as many again read uploads."""
-    upload: int = 64
-    """Megabytes of an uploaded file at most."""
-    streams: int = 32
-    """Streams that are open at the same time at most."""
-    jobs: Path | None = None
-    """Folder of jobs, kept when the service stops; replicas may share it."""
+    upload: int = 64  # Megabytes of an uploaded file at most.
+    streams: int = 32  # Streams that are open at the same time at most.
+    jobs: Path | None = None  # Folder of jobs, kept when the service stops; replicas may share it.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,22 +50,19 @@ class Settings(ServiceOptions):
         InputError: A number is out of range.
     """
 
+    # Folders of clips that motions may start from, besides those that ship.
     moves: tuple[Path, ...] = ()
-    """Folders of clips that motions may start from, besides those that ship."""
-    runtime: Runtime = "auto"
-    """Engine of the networks."""
-    batch: int = 16
-    """Motions that are generated together at most."""
+    runtime: Runtime = "auto"  # Engine of the networks.
+    batch: int = 16  # Motions that are generated together at most.
+    # Start file workers once the model is loaded, so that no first file waits for them.
     start_workers: bool = False
-    """Start file workers once the model is loaded, so that no first file waits for them."""
+    # SHA-256 of each accepted token; without any, no token is needed.
     tokens: tuple[bytes, ...] = ()
-    """SHA-256 of each accepted token; without any, no token is needed."""
-    hosts: tuple[str, ...] = LOOPBACK
-    """Names by which clients may call the service; empty for any."""
+    hosts: tuple[str, ...] = LOOPBACK  # Names by which clients may call the service; empty for any.
+    # Origins of pages on other hosts that may call, such as `https://example.com`.
     origins: tuple[str, ...] = ()
-    """Origins of pages on other hosts that may call, such as `https://example.com`."""
+    # ASGI middleware around everything, the first outermost.
     middleware: tuple[Middleware, ...] = ()
-    """ASGI middleware around everything, the first outermost."""
 
     def __post_init__(self) -> None:
         counts = {"threads": 64, "queue": 100_000, "batch": 256, "file_workers": 64}

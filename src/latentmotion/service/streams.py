@@ -26,14 +26,12 @@ from latentmotion.service.problems import Problem, refuse_stream
 from latentmotion.service.schemas import StreamMessage
 from latentmotion.service.state import Service
 
-AHEAD = 2
-"""Pieces that are sent before the client acknowledges earlier ones, at most."""
+AHEAD = 2  # Pieces that are sent before the client acknowledges earlier ones, at most.
 
-IDLE = 60.0
-"""Seconds for which a stream waits for its client: a prompt, or what it acknowledges."""
+IDLE = 60.0  # Seconds for which a stream waits for its client: a prompt, or what it acknowledges.
 
+# WebSocket close codes (RFC 6455) for a broken rule and for a server that shuts down.
 POLICY, GOING = 1008, 1001
-"""WebSocket close codes (RFC 6455) for a broken rule and for a server that shuts down."""
 
 
 class ClientStream:

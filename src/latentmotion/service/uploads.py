@@ -30,10 +30,10 @@ Source = Annotated[Readable, Query(description="Format of the body.")]
 Target = Annotated[FileFormat, Query(alias="format", description="Format of the answer.")]
 
 _FILE = {"schema": {"type": "string", "format": "binary"}}
+# OpenAPI schema of a body that is a file.
 BINARY_BODY = {
     "requestBody": {"required": True, "content": {"application/octet-stream": _FILE}},
 }
-"""OpenAPI schema of a body that is a file."""
 
 
 def clean_up_steps(

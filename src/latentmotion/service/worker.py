@@ -34,14 +34,11 @@ from latentmotion.storage.children import limit
 from latentmotion.storage.configuration import from_json
 from latentmotion.storage.files import is_disk_full, write_file
 
-MEMORY = 1 << 32
-"""Largest address space of a worker, bytes (4 GiB)."""
+MEMORY = 1 << 32  # Largest address space of a worker, bytes (4 GiB).
 
-LARGEST_FILE = 1 << 30
-"""Largest file that a worker may write, bytes (1 GiB)."""
+LARGEST_FILE = 1 << 30  # Largest file that a worker may write, bytes (1 GiB).
 
-Reply = tuple[dict[str, Any], bytes]
-"""A task or its answer, and the bytes that belong to it."""
+Reply = tuple[dict[str, Any], bytes]  # A task or its answer, and the bytes that belong to it.
 
 # Formats that store rotations, which inverse kinematics must find first.
 _WITH_ROTATIONS = frozenset({"bvh", "glb", "vrma", "fbx", "usda", "usdc", "usdz"})

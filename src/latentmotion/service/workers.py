@@ -42,14 +42,11 @@ class _FileTask:
 
     task: dict[str, Any]
     content: bytes
-    until: float
-    """Deadline, on the clock of `time.monotonic`."""
+    until: float  # Deadline, on the clock of `time.monotonic`.
     done: asyncio.Future[Answer]
     client: str = field(default_factory=CLIENT.get)
-    started: bool = False
-    """Whether a process works on it."""
-    ended: int = 0
-    """Number of processes that died of it."""
+    started: bool = False  # Whether a process works on it.
+    ended: int = 0  # Number of processes that died of it.
 
     @property
     def joins(self) -> bool:

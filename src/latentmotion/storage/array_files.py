@@ -23,18 +23,18 @@ from latentmotion.errors import FileFormatError
 from latentmotion.storage import limits
 from latentmotion.storage.files import atomic_file
 
+# Names of arrays to read, or a predicate on names.
 ArrayFilter = Callable[[str], bool] | Collection[str]
-"""Names of arrays to read, or a predicate on names."""
 
 _NO_ZIP = "not a motion file, nor another .npz: cut short, or no .npz at all"
 _KINDS = "biufU"
 _PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1
+# Errors that NumPy and zipfile raise for damaged files.
 DAMAGE = (
     *(OSError, EOFError, ValueError, TypeError, SyntaxError, OverflowError, MemoryError),
     *(struct.error, tokenize.TokenError, zlib.error, zipfile.BadZipFile, RuntimeError),
 )
-"""Errors that NumPy and zipfile raise for damaged files."""
 
 
 def read_arrays(path: str | Path, select: ArrayFilter) -> dict[str, np.ndarray]:

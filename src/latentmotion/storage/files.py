@@ -303,8 +303,7 @@ def _is_left(entry: Path, machine: str, process: int) -> bool:
         return False
 
 
-VARIABLE = "LATENTMOTION_CACHE"
-"""Environment variable with a folder, or `off`."""
+VARIABLE = "LATENTMOTION_CACHE"  # Environment variable with a folder, or `off`.
 
 
 def cache_folder() -> Path | None:

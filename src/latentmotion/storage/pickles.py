@@ -87,12 +87,9 @@ class StandInArray:
 class _SparseColumns:
     """Stands for SciPy's compressed columns while a pickle is read."""
 
-    data: np.ndarray
-    """Values, one column after another."""
-    indices: np.ndarray
-    """Row of each value."""
-    indptr: np.ndarray
-    """Where each column begins."""
+    data: np.ndarray  # Values, one column after another.
+    indices: np.ndarray  # Row of each value.
+    indptr: np.ndarray  # Where each column begins.
     _shape: tuple[int, int]
 
     def dense(self, most: int) -> np.ndarray:
@@ -162,8 +159,8 @@ def _reconstructor(cls: type, base: type, state: Any) -> Any:
 _TYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f(2|4|8|16)|c(8|16)|[SU]\d{1,6}|O8?|[?bhilqBHILQefdg])")
 _MOST_AXES = 32
 
+# Names of modules in pickles of Python 2.
 PYTHON_2 = {"__builtin__": "builtins", "copy_reg": "copyreg"}
-"""Names of modules in pickles of Python 2."""
 
 # Functions that NumPy's own pickles call, by their names in all its versions.
 _REBUILDERS = {
@@ -172,6 +169,7 @@ _REBUILDERS = {
     "numeric._frombuffer": _from_buffer,
 }
 
+# Names that a pickle may use, and what it gets for each.
 ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): StandInArray,
     ("numpy", "dtype"): StandInType,
@@ -194,7 +192,6 @@ ALLOWED: dict[tuple[str, str], Any] = {
         for module in ("scipy.sparse.csc", "scipy.sparse._csc", "scipy.sparse")
     },
 }
-"""Names that a pickle may use, and what it gets for each."""
 
 
 class ForbiddenName(pickle.UnpicklingError):

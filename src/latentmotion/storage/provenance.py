@@ -49,8 +49,8 @@ def _cpu_info(name: str) -> str:
     return next(values, "")
 
 
+# The hub's task that is nearest to motion from text; it has none of its own.
 PIPELINE = "text-to-3d"
-"""The hub's task that is nearest to motion from text; it has none of its own."""
 
 # Spellings of licenses, and the hub's identifiers.
 _LICENSES = {

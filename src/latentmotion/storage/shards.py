@@ -34,8 +34,7 @@ _PART = ".part"
 class LocalFolder:
     """A folder of this machine."""
 
-    path: Path
-    """The folder, absolute."""
+    path: Path  # The folder, absolute.
 
     def __str__(self) -> str:
         return str(self.path)
@@ -75,12 +74,9 @@ class LocalFolder:
 class RemoteFolder:
     """A folder of a file system of fsspec. It can be pickled, as workers need."""
 
-    url: str
-    """Address of the folder, for messages."""
-    system: Any
-    """fsspec's file system."""
-    path: str
-    """Path of the folder in it."""
+    url: str  # Address of the folder, for messages.
+    system: Any  # fsspec's file system.
+    path: str  # Path of the folder in it.
 
     def __str__(self) -> str:
         return self.url
@@ -124,8 +120,7 @@ class RemoteFolder:
             raise InputError(f"cannot use {self.url}: {error!s:.300}") from error
 
 
-Folder = LocalFolder | RemoteFolder
-"""A folder of files that are written and read as a whole."""
+Folder = LocalFolder | RemoteFolder  # A folder of files that are written and read as a whole.
 
 
 def folder_at(address: str, create: bool = False) -> Folder:
@@ -169,10 +164,8 @@ MANIFEST_FILE = "manifest.json"
 class Wrong:
     """An item that could not be made."""
 
-    line: int
-    """Its line in the file of items, counted from 1."""
-    problem: str
-    """What was found and what was expected."""
+    line: int  # Its line in the file of items, counted from 1.
+    problem: str  # What was found and what was expected.
 
 
 @dataclass(frozen=True)
@@ -193,26 +186,19 @@ class ShardContent:
 class FileRecord:
     """Record of a file."""
 
-    name: str
-    """The file."""
-    size: int
-    """Its bytes."""
-    sha256: str
-    """Its SHA-256, as hexadecimal digits."""
+    name: str  # The file.
+    size: int  # Its bytes.
+    sha256: str  # Its SHA-256, as hexadecimal digits.
 
 
 @dataclass(frozen=True)
 class Record(FileRecord):
     """Record of a finished shard."""
 
-    items: int
-    """Number of its items."""
-    wrong: tuple[Wrong, ...]
-    """Items that it lacks."""
-    run: str
-    """SHA-256 of the run's settings."""
-    files: tuple[FileRecord, ...] = ()
-    """Further files that belong to it."""
+    items: int  # Number of its items.
+    wrong: tuple[Wrong, ...]  # Items that it lacks.
+    run: str  # SHA-256 of the run's settings.
+    files: tuple[FileRecord, ...] = ()  # Further files that belong to it.
 
 
 @dataclass(frozen=True)
@@ -236,10 +222,8 @@ class ShardedRun:
 class ShardManifest:
     """A finished run."""
 
-    run: ShardedRun
-    """Inputs that determine its bytes."""
-    shards: tuple[Record, ...]
-    """A record of each file."""
+    run: ShardedRun  # Inputs that determine its bytes.
+    shards: tuple[Record, ...]  # A record of each file.
 
 
 @dataclass(frozen=True)

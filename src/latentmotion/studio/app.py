@@ -36,11 +36,10 @@ from latentmotion.service.state import Service
 from latentmotion.studio import models, projects, takes
 from latentmotion.studio.library import Library, MissingMotionError, UnknownError
 
+# Name of the cookie, before the port: browsers share cookies between the ports of a host.
 COOKIE = "latentmotion-studio"
-"""Name of the cookie, before the port: browsers share cookies between the ports of a host."""
 
-COOKIE_SECONDS = 365 * 24 * 3600
-"""How long a browser keeps the cookie."""
+COOKIE_SECONDS = 365 * 24 * 3600  # How long a browser keeps the cookie.
 
 # Values of Sec-Fetch-Site with which the cookie counts; older browsers send no such header.
 _OWN_PAGES = ("same-origin", "none", None)
@@ -144,12 +143,12 @@ def _cookie_name(headers: Headers) -> str:
     return f"{COOKIE}-{port}" if port.isdecimal() else COOKIE
 
 
+# Content security policy: files of the studio; images and models that the user opens.
 POLICY = (
     "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' blob:; "
     "worker-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'"
 )
-"""Content security policy: files of the studio; images and models that the user opens."""
 
 
 def create_studio(settings: Settings, library: Library, others: Sequence[str] = ()) -> FastAPI:

@@ -44,8 +44,7 @@ from latentmotion.storage.configuration import from_json
 from latentmotion.storage.files import atomic_file, is_durable, sync_names, write_file
 from latentmotion.storage.reading import parse_json
 
-SLOWEST, FASTEST = 0.1, 10.0
-"""Least and greatest speed."""
+SLOWEST, FASTEST = 0.1, 10.0  # Least and greatest speed.
 
 
 @dataclass(frozen=True)
@@ -56,14 +55,10 @@ class Edits:
         InputError: A number is out of range.
     """
 
-    trim: tuple[float, float] | None = None
-    """Start and end, seconds of the stored motion."""
-    speed: float = 1.0
-    """Playback speed factor: the frames stay, their rate changes."""
-    in_place: bool = False
-    """Without root motion along the floor."""
-    mirrored: bool = False
-    """Left and right are swapped."""
+    trim: tuple[float, float] | None = None  # Start and end, seconds of the stored motion.
+    speed: float = 1.0  # Playback speed factor: the frames stay, their rate changes.
+    in_place: bool = False  # Without root motion along the floor.
+    mirrored: bool = False  # Left and right are swapped.
 
     def __post_init__(self) -> None:
         if not SLOWEST <= self.speed <= FASTEST:
@@ -102,17 +97,14 @@ class Edits:
 
 P = TypeVar("P")
 
-VERSION = 1
-"""Version of the database that this code writes and reads."""
+VERSION = 1  # Version of the database that this code writes and reads.
 
+# Pattern of the names of takes and characters: UUIDs in hexadecimal; libraries have ULIDs, too.
 ID = "[0-9A-Za-z]{26,32}"
-"""Pattern of the names of takes and characters: UUIDs in hexadecimal; libraries have ULIDs, too."""
 
-MOST_TITLE = 200
-"""Longest title, characters."""
+MOST_TITLE = 200  # Longest title, characters.
 
-MOST_LISTED = 500
-"""Most takes on one page of the list."""
+MOST_LISTED = 500  # Most takes on one page of the list.
 
 _EACH_TAG = "json_each(CASE WHEN json_valid(tags) THEN tags ELSE '[]' END)"
 _TABLES = """
@@ -143,34 +135,21 @@ class MissingMotionError(InputError):
 class StoredTake:
     """A motion of the library with its recipe, edits and marks."""
 
-    id: str
-    """Its name in the library."""
-    made: str
-    """When it was made, ISO 8601."""
-    title: str
-    """What the list shows."""
-    recipe: Mapping[str, Any]
-    """What makes it again, or `imported` with the name of a file."""
-    motion: str
-    """SHA-256 of the file of its motion."""
-    stored_frames: int
-    """Frames of the stored motion, before edits."""
-    stored_fps: float
-    """Its frames per second."""
-    tags: tuple[str, ...] = ()
-    """Words of the user's choice."""
-    star: bool = False
-    """Marked as good."""
-    deleted: bool = False
-    """Marked as deleted."""
-    edits: Edits = field(default_factory=Edits)
-    """What is applied when the motion is read."""
+    id: str  # Its name in the library.
+    made: str  # When it was made, ISO 8601.
+    title: str  # What the list shows.
+    recipe: Mapping[str, Any]  # What makes it again, or `imported` with the name of a file.
+    motion: str  # SHA-256 of the file of its motion.
+    stored_frames: int  # Frames of the stored motion, before edits.
+    stored_fps: float  # Its frames per second.
+    tags: tuple[str, ...] = ()  # Words of the user's choice.
+    star: bool = False  # Marked as good.
+    deleted: bool = False  # Marked as deleted.
+    edits: Edits = field(default_factory=Edits)  # What is applied when the motion is read.
+    # Each goal, and how far the motion was from it, centimeters.
     goals: Sequence[Mapping[str, Any]] | None = None
-    """Each goal, and how far the motion was from it, centimeters."""
-    missing: bool = False
-    """The file of its motion is gone."""
-    damaged: bool = False
-    """Its row in the database cannot be read."""
+    missing: bool = False  # The file of its motion is gone.
+    damaged: bool = False  # Its row in the database cannot be read.
 
     def about(self) -> dict[str, Any]:
         """Returns the take as JSON has it; frames, rate and seconds are those after its edits."""
@@ -191,16 +170,12 @@ class StoredTake:
 class Character:
     """A figure of the user."""
 
-    id: str
-    """Its name in the library."""
-    name: str
-    """Its name for the user."""
-    ending: str
-    """`glb` or `bvh`."""
+    id: str  # Its name in the library.
+    name: str  # Its name for the user.
+    ending: str  # `glb` or `bvh`.
+    # Its bones and which of them are our joints, as `inspect_rig` reports them.
     bones: Mapping[str, Any]
-    """Its bones and which of them are our joints, as `inspect_rig` reports them."""
-    deleted: bool = False
-    """Marked as deleted."""
+    deleted: bool = False  # Marked as deleted.
 
     def about(self) -> dict[str, Any]:
         """Returns the character as JSON has it."""

@@ -23,11 +23,9 @@ from latentmotion.studio.library import Edits, Library
 from latentmotion.studio.schemas import Recipe
 from latentmotion.text.lengths import TAKE_QUANTILES
 
-Made = tuple[Motion, dict[str, Any], str, Edits]
-"""Motion, recipe, title and edits of a take."""
+Made = tuple[Motion, dict[str, Any], str, Edits]  # Motion, recipe, title and edits of a take.
 
-Source = Callable[[str], Motion]
-"""Returns the motion of a take."""
+Source = Callable[[str], Motion]  # Returns the motion of a take.
 
 
 @dataclass(frozen=True, eq=False)

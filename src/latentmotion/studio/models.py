@@ -40,12 +40,9 @@ from latentmotion.studio.schemas import (
 class StudioModel:
     """A model that takes can be made with, known by its card; its networks are not in memory."""
 
-    name: str
-    """Its name in the studio."""
-    folder: Path
-    """Where it is."""
-    card: cards.ModelCard
-    """Its description."""
+    name: str  # Its name in the studio.
+    folder: Path  # Where it is.
+    card: cards.ModelCard  # Its description.
 
     @cached_property
     def weights(self) -> str:
@@ -78,8 +75,8 @@ class Models:
     service: Service
     library: Library
     others: Sequence[str] = ()
+    # Models by name, the service's first.
     all: dict[str, StudioModel] = field(init=False, default_factory=dict)
-    """Models by name, the service's first."""
 
     def __post_init__(self) -> None:
         self._lock = Lock()

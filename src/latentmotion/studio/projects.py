@@ -140,8 +140,8 @@ def _file(folder: Path, name: str) -> Path:
     return path
 
 
+# Endings of characters, and those under which they are kept: VRM is GLB by another name.
 ENDINGS: Mapping[str, str] = {".glb": "glb", ".vrm": "glb", ".bvh": "bvh"}
-"""Endings of characters, and those under which they are kept: VRM is GLB by another name."""
 
 
 def character_routes(service: Service, library: Library) -> APIRouter:

@@ -48,8 +48,7 @@ from latentmotion.studio.schemas import (
     TakesRequest,
 )
 
-MOST_IMPORTED = 100
-"""Most motions of a file that is imported."""
+MOST_IMPORTED = 100  # Most motions of a file that is imported.
 
 _EDITS = ("trim", "speed", "in_place", "mirrored")
 
@@ -257,12 +256,9 @@ def _store_motions(library: Library, name: str, file: Path) -> list[StoredTake]:
 class Written:
     """How takes are written."""
 
-    format: str
-    """Format of the service."""
-    fps: float | None = None
-    """Frames per second; by default the take's own."""
-    character: str | None = None
-    """Name of the character; by default the mannequin of the format."""
+    format: str  # Format of the service.
+    fps: float | None = None  # Frames per second; by default the take's own.
+    character: str | None = None  # Name of the character; by default the mannequin of the format.
 
 
 async def content_of(
@@ -321,12 +317,9 @@ _CLEAR = 0.02
 class BestAnswer(BaseModel):
     """The take that scores best."""
 
-    take: str | None
-    """Its name; none where the takes cannot be scored."""
-    reason: str
-    """What it does better than the others."""
-    scores: dict[str, float]
-    """Score of each take, the higher the better."""
+    take: str | None  # Its name; none where the takes cannot be scored.
+    reason: str  # What it does better than the others.
+    scores: dict[str, float]  # Score of each take, the higher the better.
 
 
 def best_routes(library: Library, models: Models) -> APIRouter:
@@ -377,10 +370,10 @@ def reason(ranked: Sequence[Take]) -> str:
 class TeachRequest(RequestModel):
     """Sentences that a take shows."""
 
+    # What the person in it does, in one or several wordings.
     sentences: Annotated[list[Text], Field(min_length=1, max_length=20)]
-    """What the person in it does, in one or several wordings."""
+    # Name of the model that learns it; by default that of the studio's start.
     model: str | None = None
-    """Name of the model that learns it; by default that of the studio's start."""
 
 
 class TeachAnswer(AnswerModel):

@@ -27,45 +27,34 @@ from latentmotion.viewer.page import json_in_html, packed_script, payload
 
 Model = Literal["A", "B"]
 
+# Questions to raters, by name; the second only for pairs with a text.
 QUESTIONS = {
     "realism": "Which motion is more realistic?",
     "text": "Which motion fits the text better?",
 }
-"""Questions to raters, by name; the second only for pairs with a text."""
 
 
 @dataclass(frozen=True)
 class KeyPair:
     """One pair in the key."""
 
-    id: str
-    """Its opaque name."""
-    prompt: str
-    """The sentence."""
-    seed: int
-    """Seed of both motions, or the number of the take."""
-    left: Model
-    """The model whose motion is on the left."""
+    id: str  # Its opaque name.
+    prompt: str  # The sentence.
+    seed: int  # Seed of both motions, or the number of the take.
+    left: Model  # The model whose motion is on the left.
 
 
 @dataclass(frozen=True)
 class StudyKey:
     """The secret key of a study: `study.key.json`."""
 
-    format: str
-    """Version of the format."""
-    study: str
-    """Name of the study, which its answers carry."""
-    a: str
-    """Description of A."""
-    b: str
-    """Description of B."""
-    seed: int
-    """Seed of order and sides."""
-    questions: dict[str, str]
-    """The questions, by name."""
-    pairs: tuple[KeyPair, ...]
-    """All pairs, in the order of the page."""
+    format: str  # Version of the format.
+    study: str  # Name of the study, which its answers carry.
+    a: str  # Description of A.
+    b: str  # Description of B.
+    seed: int  # Seed of order and sides.
+    questions: dict[str, str]  # The questions, by name.
+    pairs: tuple[KeyPair, ...]  # All pairs, in the order of the page.
 
 
 KEY_FORMAT = "latentmotion study key 1"
@@ -75,24 +64,19 @@ KEY_FORMAT = "latentmotion study key 1"
 class Pair:
     """Two motions for one sentence."""
 
-    prompt: str
-    """The sentence; empty for motion without words."""
-    seed: int
-    """Seed of both, or the number of the take."""
-    a: Motion
-    """A's motion."""
-    b: Motion
-    """B's motion."""
+    prompt: str  # The sentence; empty for motion without words.
+    seed: int  # Seed of both, or the number of the take.
+    a: Motion  # A's motion.
+    b: Motion  # B's motion.
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
     """A study, ready to be written."""
 
-    key: StudyKey
-    """The secret key."""
+    key: StudyKey  # The secret key.
+    # Left and right of each pair, in the order of the key.
     motions: tuple[tuple[Motion, Motion], ...]
-    """Left and right of each pair, in the order of the key."""
 
 
 def design(pairs: Sequence[Pair], a: str, b: str, seed: int) -> Study:
@@ -166,12 +150,9 @@ def write_study_page(path: str | Path, study: Study) -> None:
 class StudyPlan:
     """Prompts, seeds and length that both sides of a study show."""
 
-    prompts: tuple[str, ...]
-    """The sentences."""
-    seeds: tuple[int, ...]
-    """One pair per sentence and seed."""
-    seconds: float
-    """Length of generated motions."""
+    prompts: tuple[str, ...]  # The sentences.
+    seeds: tuple[int, ...]  # One pair per sentence and seed.
+    seconds: float  # Length of generated motions.
 
     def rows(self) -> list[tuple[str, int]]:
         """Returns each sentence with each seed."""

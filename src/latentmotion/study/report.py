@@ -30,48 +30,33 @@ ANSWERS_FORMAT = "latentmotion study answers 1"
 class Answer:
     """One click."""
 
-    pair: str
-    """The pair's opaque name."""
-    question: str
-    """The question's name."""
-    choice: Literal["left", "right"]
-    """The side that was chosen."""
-    seconds: float
-    """Time from first sight of the pair to the answer."""
+    pair: str  # The pair's opaque name.
+    question: str  # The question's name.
+    choice: Literal["left", "right"]  # The side that was chosen.
+    seconds: float  # Time from first sight of the pair to the answer.
 
 
 @dataclass(frozen=True)
 class Answers:
     """One rater's answers."""
 
-    format: str
-    """Version of the format."""
-    study: str
-    """Name of the study."""
-    rater: str
-    """Random name of the rater's browser."""
-    name: str
-    """Name of the rater, if given."""
-    saved: str
-    """When they were downloaded."""
-    answers: tuple[Answer, ...]
-    """All answers."""
+    format: str  # Version of the format.
+    study: str  # Name of the study.
+    rater: str  # Random name of the rater's browser.
+    name: str  # Name of the rater, if given.
+    saved: str  # When they were downloaded.
+    answers: tuple[Answer, ...]  # All answers.
 
 
 @dataclass(frozen=True)
 class Vote:
     """An answer, once the key has been applied."""
 
-    rater: str
-    """Random name of the rater's browser."""
-    pair: str
-    """The pair's opaque name."""
-    question: str
-    """The question's name."""
-    model: Model
-    """The model that was chosen."""
-    side: Literal["left", "right"]
-    """The side that it stood on."""
+    rater: str  # Random name of the rater's browser.
+    pair: str  # The pair's opaque name.
+    question: str  # The question's name.
+    model: Model  # The model that was chosen.
+    side: Literal["left", "right"]  # The side that it stood on.
 
 
 def read_key(path: Path) -> StudyKey:
@@ -138,8 +123,7 @@ def votes_of(answers: Sequence[Answers], key: StudyKey) -> list[Vote]:
     ]
 
 
-Z = 1.959963984540054
-"""Normal quantile of a 95 % interval."""
+Z = 1.959963984540054  # Normal quantile of a 95 % interval.
 
 
 def wilson(wins: int, n: int, z: float = Z) -> tuple[float, float]:
@@ -190,58 +174,40 @@ def _unlike(counts: Counter[Hashable]) -> int:
 class Preference:
     """Answers of all raters to one question."""
 
-    question: str
-    """Text of the question."""
-    answers: int
-    """Number of answers."""
-    for_a: int
-    """Number of answers for A."""
-    share_of_a: float | None
-    """Share of the answers for A."""
-    interval: tuple[float, float]
-    """Its 95 % confidence interval (Wilson)."""
-    p_answers: float
-    """Exact two-sided p of "no preference", every answer counted as independent."""
+    question: str  # Text of the question.
+    answers: int  # Number of answers.
+    for_a: int  # Number of answers for A.
+    share_of_a: float | None  # Share of the answers for A.
+    interval: tuple[float, float]  # Its 95 % confidence interval (Wilson).
+    p_answers: float  # Exact two-sided p of "no preference", every answer counted as independent.
+    # Pairs of motions that A won, that B won, and ties, by the majority of their raters.
     pairs: tuple[int, int, int]
-    """Pairs of motions that A won, that B won, and ties, by the majority of their raters."""
-    p_pairs: float
-    """Exact sign test over pairs, ties left out."""
+    p_pairs: float  # Exact sign test over pairs, ties left out.
+    # Share of two raters' answers to one pair that agree; None if no two raters share a pair.
     agreement: float | None
-    """Share of two raters' answers to one pair that agree; None if no two raters share a pair."""
-    alpha: float | None
-    """Krippendorff's alpha of these answers."""
-    left: float | None
-    """Share of the answers for the left side; far from 0.5, raters do not look."""
+    alpha: float | None  # Krippendorff's alpha of these answers.
+    left: float | None  # Share of the answers for the left side; far from 0.5, raters do not look.
 
 
 @dataclass(frozen=True)
 class RaterPreference:
     """Answers of one rater."""
 
-    rater: str
-    """Random name of the rater's browser."""
-    answers: int
-    """Number of answers."""
-    for_a: int
-    """Number of answers for A."""
+    rater: str  # Random name of the rater's browser.
+    answers: int  # Number of answers.
+    for_a: int  # Number of answers for A.
 
 
 @dataclass(frozen=True)
 class StudyReport:
     """Results of a study."""
 
-    study: str
-    """Name of the study."""
-    a: str
-    """Description of A."""
-    b: str
-    """Description of B."""
-    pairs: int
-    """Pairs of motions on the page."""
-    preferences: tuple[Preference, ...]
-    """By question."""
-    raters: tuple[RaterPreference, ...]
-    """By rater."""
+    study: str  # Name of the study.
+    a: str  # Description of A.
+    b: str  # Description of B.
+    pairs: int  # Pairs of motions on the page.
+    preferences: tuple[Preference, ...]  # By question.
+    raters: tuple[RaterPreference, ...]  # By rater.
 
     def markdown(self) -> str:
         """Returns the report as text."""

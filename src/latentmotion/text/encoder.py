@@ -77,14 +77,11 @@ def pieces(encoder: TextEncoder, word: str) -> list[str]:
 class GraphTextEncoder:
     """An exported text encoder. Immutable, so that one serves many threads."""
 
-    name: str
-    """Name that tells its embeddings from any other encoder's."""
-    width: int
-    """Numbers per vector."""
-    session: Any
-    """ONNX Runtime's session: tokens, mask → pooled, words."""
+    name: str  # Name that tells its embeddings from any other encoder's.
+    width: int  # Numbers per vector.
+    session: Any  # ONNX Runtime's session: tokens, mask → pooled, words.
+    # Tokenizer of the package `tokenizers`, which truncates and pads as its file says.
     tokenizer: Any
-    """Tokenizer of the package `tokenizers`, which truncates and pads as its file says."""
 
     def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
         """Returns pooled embeddings and the states of the word pieces.
@@ -147,8 +144,7 @@ class GraphTextEncoder:
 class StudentTextEncoder(GraphTextEncoder):
     """The distilled text encoder, with a WordPiece tokenizer; its sentences are not padded."""
 
-    known_words: frozenset[str]
-    """Words of several pieces that occurred in training."""
+    known_words: frozenset[str]  # Words of several pieces that occurred in training.
 
     def read(self, tokens: Int[np.ndarray, "batch words"]) -> list[TextEmbedding]:
         """Returns the embedding of each sentence; many go through the graph together.
@@ -204,12 +200,9 @@ class StudentTextEncoder(GraphTextEncoder):
 class LazyTextEncoder(PickledByFields):
     """A text encoder that is loaded when it is first needed."""
 
-    folder: Path
-    """Folder with `text_encoder.onnx` and `tokenizer.json`."""
-    name: str
-    """The encoder's name."""
-    width: int
-    """Numbers per vector."""
+    folder: Path  # Folder with `text_encoder.onnx` and `tokenizer.json`.
+    name: str  # The encoder's name.
+    width: int  # Numbers per vector.
 
     def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
         """Returns the embeddings of the sentences.
@@ -259,8 +252,7 @@ def load_text_encoder(folder: str | Path, threads: int = 1) -> GraphTextEncoder:
         raise ModelError(f"{folder}: the text encoder cannot be loaded: {error}") from error
 
 
-MOST_NAMED = 12
-"""Unknown words that a warning names."""
+MOST_NAMED = 12  # Unknown words that a warning names.
 
 
 _SILENT = ContextVar("silent", default=False)
@@ -319,19 +311,16 @@ def split_words(tokenizer: Any, sentence: str) -> list[str]:
     return [sentence[slice(*span)].lower() for _, span in sorted(spans) if span]
 
 
-MAX_PROMPTS = 1000
-"""Prompts that are kept for a user, some 20 kB each."""
+MAX_PROMPTS = 1000  # Prompts that are kept for a user, some 20 kB each.
 
-SENTENCES_PER_FILE = 512
-"""Sentences per file of a data set."""
+SENTENCES_PER_FILE = 512  # Sentences per file of a data set.
 
 
 @dataclass(frozen=True, eq=False)
 class _Cached:
     """An encoder with a cache looks like the encoder inside."""
 
-    encoder: TextEncoder
-    """The encoder inside; not used for known sentences."""
+    encoder: TextEncoder  # The encoder inside; not used for known sentences.
 
     @property
     def name(self) -> str:
@@ -355,8 +344,7 @@ class MemoryCachedTextEncoder(_Cached):
     New ones of a batch are read together; an embedding does not depend on the company.
     """
 
-    most: int | None = None
-    """Sentences that are kept, those used last; None for all."""
+    most: int | None = None  # Sentences that are kept, those used last; None for all.
     _known: OrderedDict[str, TextEmbedding] = field(default_factory=OrderedDict, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)
 
@@ -389,12 +377,10 @@ class CachedTextEncoder(_Cached):
     its own, and those unused for longest are deleted when there are too many.
     """
 
-    folder: Path
-    """Folder of the cache, which several encoders may share."""
+    folder: Path  # Folder of the cache, which several encoders may share.
+    # Files of the encoder, if their content tells encoders apart; by default its name does.
     files: tuple[Path, ...] = ()
-    """Files of the encoder, if their content tells encoders apart; by default its name does."""
-    max_prompts: int | None = None
-    """Maximum number of prompts that are kept on disk."""
+    max_prompts: int | None = None  # Maximum number of prompts that are kept on disk.
     _rows: dict[str, TextEmbedding] = field(default_factory=dict, init=False, repr=False)
     _files_read: set[Path] = field(default_factory=set, init=False, repr=False)
 

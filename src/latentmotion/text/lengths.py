@@ -21,17 +21,16 @@ from latentmotion.engine.session import PickledByFields
 from latentmotion.errors import ModelError
 from latentmotion.storage.files import atomic_file
 
+# Shares of motions that are shorter; the median is the usual length.
 QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
-"""Shares of motions that are shorter; the median is the usual length."""
 
 _MOST_ARRAYS = 16
 _MAKE = "make it anew: latentmotion train length"
 
-SHORTEST_USUAL = 1.6
-"""Minimum predicted length in seconds: a start and an end need time."""
+SHORTEST_USUAL = 1.6  # Minimum predicted length in seconds: a start and an end need time.
 
+# Quantiles of the lengths that several takes of one sentence have in turn.
 TAKE_QUANTILES = (0.5, 0.25, 0.5, 0.75)
-"""Quantiles of the lengths that several takes of one sentence have in turn."""
 
 
 def within(length: float, quantile: float, limits: tuple[float, float] | None) -> float:
@@ -49,12 +48,10 @@ def within(length: float, quantile: float, limits: tuple[float, float] | None) -
 class LengthModel:
     """Lengths of motions from embeddings of sentences: layers with relu between them."""
 
-    encoder: str
-    """Name of the text encoder whose embeddings it reads."""
+    encoder: str  # Name of the text encoder whose embeddings it reads.
+    # Weights of the layers; the last has a row for each quantile.
     weights: tuple[Float[np.ndarray, "_ _"], ...]
-    """Weights of the layers; the last has a row for each quantile."""
-    biases: tuple[Float[np.ndarray, " _"], ...]
-    """Their biases."""
+    biases: tuple[Float[np.ndarray, " _"], ...]  # Their biases.
 
     def __call__(
         self, pooled: Float[np.ndarray, "sentences width"]
@@ -149,10 +146,8 @@ class LengthModel:
 class LengthFile(PickledByFields):
     """A length model that is read when it is first needed."""
 
-    path: Path
-    """The file."""
-    encoder: str | None
-    """Text encoder whose embeddings it must read."""
+    path: Path  # The file.
+    encoder: str | None  # Text encoder whose embeddings it must read.
 
     def usual(
         self, pooled: Float[np.ndarray, "sentences width"], quantiles: Sequence[float] = ()

@@ -24,12 +24,9 @@ from latentmotion.measure.whole_body import stillness, stooped
 class MotionCondition:
     """A kind of condition."""
 
-    holds: Callable[[Measured, Term], bool]
-    """Whether it holds for a motion."""
-    numbers: int
-    """Number of numbers in a term."""
-    words: tuple[tuple[str, ...], ...] = ()
-    """Choices for each word of a term."""
+    holds: Callable[[Measured, Term], bool]  # Whether it holds for a motion.
+    numbers: int  # Number of numbers in a term.
+    words: tuple[tuple[str, ...], ...] = ()  # Choices for each word of a term.
 
 
 def turns_by(scene: Measured, term: Term) -> bool:
@@ -139,6 +136,7 @@ def is_upright(scene: Measured, term: Term) -> bool:
     return standing > 0.9 * scene.frames and float(np.median(scene.signals.tilt)) < 20
 
 
+# Every condition by name.
 CONDITIONS: dict[str, MotionCondition] = {
     "turn": MotionCondition(turns_by, 2, (TURNS,)),
     "travel": MotionCondition(travels, 1),
@@ -157,7 +155,6 @@ CONDITIONS: dict[str, MotionCondition] = {
     "stooped": MotionCondition(is_stooped, 0),
     "upright": MotionCondition(is_upright, 0),
 }
-"""Every condition by name."""
 
 
 def _ends_of_speed(scene: Measured) -> tuple[float, float]:
@@ -170,14 +167,10 @@ def _ends_of_speed(scene: Measured) -> tuple[float, float]:
 class Act:
     """A kind of act."""
 
-    find: Callable[[Measured], list[Event]]
-    """Finds the events of this kind, of every side."""
-    words: tuple[tuple[str, ...], ...] = ()
-    """Choices for each word of a term."""
-    lasts: bool = False
-    """Whether it is continuous, e.g. walking, instead of a single event."""
-    repeats: bool = True
-    """Whether an event of several repetitions counts as several."""
+    find: Callable[[Measured], list[Event]]  # Finds the events of this kind, of every side.
+    words: tuple[tuple[str, ...], ...] = ()  # Choices for each word of a term.
+    lasts: bool = False  # Whether it is continuous, e.g. walking, instead of a single event.
+    repeats: bool = True  # Whether an event of several repetitions counts as several.
 
 
 def _of(*kinds: str, seconds: float = 0.0) -> Callable[[Measured], list[Event]]:
@@ -208,6 +201,7 @@ def _moves(*kinds: str) -> Callable[[Measured], list[Event]]:
     return find
 
 
+# Every act by name; the numbers of `turn` are degrees, all others are counts.
 ACTS: dict[str, Act] = {
     "raise": Act(_of("raise"), (SIDES,), repeats=False),
     "wave": Act(_of("wave"), (SIDES,), repeats=False),
@@ -247,7 +241,6 @@ ACTS: dict[str, Act] = {
     "go": Act(_moves("walk", "jog", "run"), (DIRECTIONS,), lasts=True, repeats=False),
     "turn": Act(_of("turn"), (TURNS,), repeats=False),
 }
-"""Every act by name; the numbers of `turn` are degrees, all others are counts."""
 
 
 def fulfills(scene: Measured, check: Check) -> bool:

@@ -42,36 +42,29 @@ from latentmotion.training.vae import BatchSampler, FeatureCache
 class ClassifierExperiment:
     """Everything that decides what training a classifier yields, but the data."""
 
+    # The network; its features and labels are taken from the data.
     network: TemporalClassifierConfig = field(default_factory=TemporalClassifierConfig)
-    """The network; its features and labels are taken from the data."""
-    mirrored_classes: bool = False
-    """Whether labels that only mirrored copies have are classes too."""
+    mirrored_classes: bool = False  # Whether labels that only mirrored copies have are classes too.
+    # Which parts of clips are shown.
     cropping: Cropping = field(default_factory=lambda: Cropping(max_frames=64))
-    """Which parts of clips are shown."""
-    noise: float = 0.2
-    """Deviation of the noise that is added to normalized features in training."""
-    smoothing: float = 0.1
-    """Part of the target that is spread over all labels."""
+    noise: float = 0.2  # Deviation of the noise that is added to normalized features in training.
+    smoothing: float = 0.1  # Part of the target that is spread over all labels.
+    # Optimization.
     training: TrainingSettings = field(
         default_factory=lambda: TrainingSettings(
             steps=1000, weight_decay=0.05, ema_decay=0.99, validate_every=50, sample_every=0
         )
     )
-    """Optimization."""
 
 
 @dataclass(frozen=True)
 class LabelledData:
     """Training items of a classifier."""
 
-    labels: tuple[str, ...]
-    """The labels, in the order of the logits."""
-    train: tuple[Clip, ...]
-    """Clips that are shown, mirrored copies included."""
-    val: tuple[Clip, ...]
-    """Clips by which the weights are chosen."""
-    memory: FeatureCache
-    """Normalized features of both."""
+    labels: tuple[str, ...]  # The labels, in the order of the logits.
+    train: tuple[Clip, ...]  # Clips that are shown, mirrored copies included.
+    val: tuple[Clip, ...]  # Clips by which the weights are chosen.
+    memory: FeatureCache  # Normalized features of both.
 
     def targets(self, crops: Sequence[Crop]) -> torch.Tensor:
         """Returns the label number of each crop."""
@@ -162,20 +155,16 @@ def best_loss(path: Path) -> float:
         return float(file.metadata()["loss"])
 
 
-BEST = "best.safetensors"
-"""File in a run folder with the weights that were best on the val split."""
+BEST = "best.safetensors"  # File in a run folder with the weights that were best on the val split.
 
 
 @dataclass(frozen=True)
 class ClassifierRun:
     """Settings that the run folder of a classifier was made with."""
 
-    stage: str
-    """`classifier`."""
-    data: str
-    """Fingerprint of the prepared data."""
-    experiment: ClassifierExperiment
-    """Everything else that decides what the run yields."""
+    stage: str  # `classifier`.
+    data: str  # Fingerprint of the prepared data.
+    experiment: ClassifierExperiment  # Everything else that decides what the run yields.
 
 
 def train_classifier(

@@ -34,16 +34,14 @@ from latentmotion.training.run_folder import Previews, first_stage_card
 from latentmotion.training.task_conditions import ConditionTable
 from latentmotion.training.vae import BatchSampler, FeatureCache
 
-AT_ONCE = 64
-"""Crops that go through a network together."""
+AT_ONCE = 64  # Crops that go through a network together.
 
 
 @dataclass(frozen=True)
 class KeptCropping(Cropping):
     """Chooses among crops that are kept instead of cutting new ones."""
 
-    crops_of: Mapping[Item, tuple[Crop, ...]] = field(default_factory=dict)
-    """Crops of each item."""
+    crops_of: Mapping[Item, tuple[Crop, ...]] = field(default_factory=dict)  # Crops of each item.
 
     def every(self) -> list[Crop]:
         """Returns all that are kept."""
@@ -71,12 +69,9 @@ def keep_crops(items: Sequence[Item], cropping: Cropping, per_item: int, seed: i
 class Posteriors:
     """Posteriors of many crops, padded to the longest."""
 
-    mean: Float[torch.Tensor, "batch tokens width"]
-    """Means."""
-    std: Float[torch.Tensor, "batch tokens width"]
-    """Standard deviations."""
-    mask: Bool[torch.Tensor, "batch tokens"]
-    """True on real tokens."""
+    mean: Float[torch.Tensor, "batch tokens width"]  # Means.
+    std: Float[torch.Tensor, "batch tokens width"]  # Standard deviations.
+    mask: Bool[torch.Tensor, "batch tokens"]  # True on real tokens.
 
     def take(self, rows: Sequence[int], tokens: int | None = None) -> Posteriors:
         """Returns some of them, cut to `tokens`."""
@@ -201,32 +196,25 @@ def frames_card(experiment: Experiment, dataset: Dataset) -> tuple[IdentityVAECo
     return config, replace(card, provenance=Provenance())
 
 
-DRAWS = 4
-"""Times and noises at which held-out motions are measured."""
+DRAWS = 4  # Times and noises at which held-out motions are measured.
 
+# Shares of the schedule at which a validation measures what the sentence saves. At one time errors
+# of noise, clean latents and velocity are proportional, so these shares compare denoisers of any.
 READ_AT = (0.5, 0.9)
-"""Shares of the schedule at which a validation measures what the sentence saves. At one time errors
-of noise, clean latents and velocity are proportional, so these shares compare denoisers of any."""
 
-SAMPLING_STEPS = 20
-"""Most sampling steps of a validation, and of the motions in a picture."""
+SAMPLING_STEPS = 20  # Most sampling steps of a validation, and of the motions in a picture.
 
-SAMPLED = 32
-"""Most latents that a validation samples."""
+SAMPLED = 32  # Most latents that a validation samples.
 
 
 @dataclass(frozen=True)
 class LatentData:
     """Training items of stage 2."""
 
-    batches: BatchSampler
-    """Which crops each step shows."""
-    held_out: tuple[Crop, ...]
-    """Crops that are only measured."""
-    latents: LatentCache | FreshLatents
-    """Posteriors of all these crops, in the denoiser's scale."""
-    prompts: ConditionTable
-    """Embeddings of all their captions."""
+    batches: BatchSampler  # Which crops each step shows.
+    held_out: tuple[Crop, ...]  # Crops that are only measured.
+    latents: LatentCache | FreshLatents  # Posteriors of all these crops, in the denoiser's scale.
+    prompts: ConditionTable  # Embeddings of all their captions.
 
 
 class DenoiserStage(Stage[DenoiserNetwork]):

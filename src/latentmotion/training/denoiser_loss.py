@@ -40,17 +40,15 @@ from latentmotion.networks.vae.interface import mean_of_real
 class DenoiserObjective:
     """Objective of the denoiser; the defaults are the paper's."""
 
-    schedule: AnySchedule = field(default_factory=ScaledLinear)
-    """Noise schedule."""
+    schedule: AnySchedule = field(default_factory=ScaledLinear)  # Noise schedule.
+    # Prediction of the network.
     parametrization: Epsilon | Sample | Velocity = field(default_factory=Epsilon)
-    """Prediction of the network."""
+    # Distribution of times; logit-normal (Esser et al. 2024) prefers the middle.
     times: Literal["uniform", "logit_normal"] = "uniform"
-    """Distribution of times; logit-normal (Esser et al. 2024) prefers the middle."""
-    dropped: float = 0.1
-    """Share of motions that are shown without their condition."""
+    dropped: float = 0.1  # Share of motions that are shown without their condition.
+    # Min-SNR weights (Hang et al. 2023): the squared error of z_0 weighs min(SNR, gamma), whatever
+    # is predicted; null for the plain squared error of the prediction, as in the paper.
     snr_gamma: float | None = None
-    """Min-SNR weights (Hang et al. 2023): the squared error of z_0 weighs min(SNR, gamma), whatever
-    is predicted; null for the plain squared error of the prediction, as in the paper."""
 
     def __post_init__(self) -> None:
         if self.snr_gamma is not None and not 0 < self.snr_gamma < math.inf:
@@ -96,18 +94,12 @@ def denoiser_loss(
 class StepBatch:
     """Steps that a student learns."""
 
-    start: Float[Tensor, "batch tokens width"]
-    """Latents at the start."""
-    end: Float[Tensor, "batch tokens width"]
-    """Target: latents at the end."""
-    times: tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]
-    """Times of start and end."""
-    condition: Conditioning
-    """Condition of the motions."""
-    mask: Bool[Tensor, "batch tokens"]
-    """True on real tokens."""
-    step_condition: StepCondition
-    """Guidance scale and step size."""
+    start: Float[Tensor, "batch tokens width"]  # Latents at the start.
+    end: Float[Tensor, "batch tokens width"]  # Target: latents at the end.
+    times: tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]  # Times of start and end.
+    condition: Conditioning  # Condition of the motions.
+    mask: Bool[Tensor, "batch tokens"]  # True on real tokens.
+    step_condition: StepCondition  # Guidance scale and step size.
 
 
 def step_loss(

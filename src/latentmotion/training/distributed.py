@@ -35,10 +35,8 @@ from latentmotion.training.experiment import TrainingSettings
 class Ranks:
     """The rank of this process among all that train together."""
 
-    rank: int = 0
-    """Number of this process."""
-    world: int = 1
-    """Number of processes."""
+    rank: int = 0  # Number of this process.
+    world: int = 1  # Number of processes.
 
     def shard(self, rows: int) -> slice:
         """The rows of a whole batch that fall to this rank."""
@@ -84,10 +82,8 @@ class StepRandomness:
 class DistributedContext:
     """The device and the rank of a training process."""
 
-    device: torch.device
-    """Where networks and batches live."""
-    ranks: Ranks
-    """Number of this process and of all."""
+    device: torch.device  # Where networks and batches live.
+    ranks: Ranks  # Number of this process and of all.
 
     @property
     def is_main(self) -> bool:
@@ -171,12 +167,12 @@ def _device(name: str, local_rank: int) -> torch.device:
     return device
 
 
+# The weight, its gradient, AdamW's two moments and the moving average, each of four bytes.
 BYTES_OF_A_WEIGHT = 20
-"""The weight, its gradient, AdamW's two moments and the moving average, each of four bytes."""
 
+# Share of a device's memory that weights and optimizer may take on every rank; activations need the
+# rest.
 SHARE = 0.5
-"""Share of a device's memory that weights and optimizer may take on every rank; activations need
-the rest."""
 
 Module = TypeVar("Module", bound=nn.Module)
 

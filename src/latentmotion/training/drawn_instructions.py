@@ -21,8 +21,7 @@ from latentmotion.training.captioning.prompting import prompts, prompts_in_order
 
 _TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
-SHARES: dict[str, float] = _TABLE["shares"]
-"""Share of each group."""
+SHARES: dict[str, float] = _TABLE["shares"]  # Share of each group.
 
 _SIDE_WORDS = re.compile(r"\b(?:left|right|(?:anti|counter-?)?clockwise)\b", re.IGNORECASE)
 _ONCE = re.compile(r"\b(?:once|one time|one|single)\b", re.IGNORECASE)
@@ -67,8 +66,7 @@ _GROUPS: dict[str, Draw] = {
 }
 
 
-_group = entries(_GROUPS)
-"""Registers what draws the instructions of a group."""
+_group = entries(_GROUPS)  # Registers what draws the instructions of a group.
 
 
 def drawn_instructions(count: int, seed: int) -> list[Instruction]:

@@ -48,41 +48,33 @@ from latentmotion.training.loop import Stage, train
 from latentmotion.training.run_folder import MODEL, open_run, provenance_of
 from latentmotion.training.vae import BatchSampler, FeatureCache
 
-NetworkConfig = TextMotionConfig | TowerConfig
-"""Sizes of either kind of networks."""
+NetworkConfig = TextMotionConfig | TowerConfig  # Sizes of either kind of networks.
 
-Networks = TextMotionNetworks | TowerNetworks
-"""Either kind of networks."""
+Networks = TextMotionNetworks | TowerNetworks  # Either kind of networks.
 
 
 @dataclass(frozen=True)
 class EvaluatorExperiment:
     """Everything that decides what training an evaluator yields, but data and word vectors."""
 
-    name: str
-    """Name of the evaluator."""
-    networks: NetworkConfig
-    """Sizes; those of features and words are taken from the data."""
-    objective: InfoNCE | Margin
-    """The loss."""
-    training: TrainingSettings
-    """Optimization."""
+    name: str  # Name of the evaluator.
+    networks: NetworkConfig  # Sizes; those of features and words are taken from the data.
+    objective: InfoNCE | Margin  # The loss.
+    training: TrainingSettings  # Optimization.
+    # Longest crop, in frames; several take turns by step, so that it judges short crops too.
     longest: tuple[int, ...] = (196,)
-    """Longest crop, in frames; several take turns by step, so that it judges short crops too."""
-    mirrored: bool = True
-    """Whether mirrored copies of the clips are trained on too."""
+    mirrored: bool = True  # Whether mirrored copies of the clips are trained on too.
+    # Batches of alike sentences and mirror images; None for random ones.
     hard: HardNegatives | None = None
-    """Batches of alike sentences and mirror images; None for random ones."""
-    draws: RarityDraws = field(default_factory=RarityDraws)
-    """How often rare sentences are seen."""
+    draws: RarityDraws = field(default_factory=RarityDraws)  # How often rare sentences are seen.
 
     def croppings(self) -> list[Cropping]:
         """Which parts of clips each turn sees."""
         return [Cropping(FRAMES, frames) for frames in self.longest]
 
 
+# Settings of the presets by name.
 RECIPES = tomllib.loads(Path(__file__).with_name("evaluators.toml").read_text(encoding="utf-8"))
-"""Settings of the presets by name."""
 
 
 def recipe_named(name: str) -> EvaluatorExperiment:
@@ -96,11 +88,9 @@ def recipe_named(name: str) -> EvaluatorExperiment:
     return from_json(EvaluatorExperiment, {"name": name, **RECIPES[name]})
 
 
-LONGEST = 196
-"""Longest crop of any experiment, in frames."""
+LONGEST = 196  # Longest crop of any experiment, in frames.
 
-GROUP = 32
-"""Motions among which a validation looks for the right one."""
+GROUP = 32  # Motions among which a validation looks for the right one.
 
 
 class EvaluatorStage(Stage[Networks]):
@@ -222,8 +212,8 @@ def captioned(clips: Sequence[Clip]) -> list[Clip]:
     return [clip for clip in clips if clip.captions and clip.frames >= FRAMES]
 
 
+# First and one past the last frame of what each sentence describes.
 Spans = Mapping[str, tuple[tuple[int, int], ...]]
-"""First and one past the last frame of what each sentence describes."""
 
 
 def spans_of(clip: Clip) -> Spans:
@@ -257,14 +247,10 @@ def _crops(clip: Clip, longest: Sequence[int]) -> list[Crop]:
 class EvaluatorRun:
     """Settings that a run folder was made with."""
 
-    data: str
-    """Fingerprint of the prepared data."""
-    words: str
-    """Name of the word vectors."""
-    experiment: EvaluatorExperiment
-    """Everything else that decides what the run yields."""
-    stage: str = "evaluator"
-    """Settings that distinguish it from other runs."""
+    data: str  # Fingerprint of the prepared data.
+    words: str  # Name of the word vectors.
+    experiment: EvaluatorExperiment  # Everything else that decides what the run yields.
+    stage: str = "evaluator"  # Settings that distinguish it from other runs.
 
 
 def train_evaluator(
@@ -336,10 +322,8 @@ def fit_to(config: NetworkConfig, dataset: Dataset, vectors: WordVectors) -> Net
 class HardNegatives:
     """Hardness of the contrasts of a batch."""
 
-    alike: int = 16
-    """Crops of a group with alike sentences."""
-    pool: int = 8
-    """Batches among whose crops alike sentences are looked for."""
+    alike: int = 16  # Crops of a group with alike sentences.
+    pool: int = 8  # Batches among whose crops alike sentences are looked for.
 
 
 class HardBatchSampler:

@@ -36,8 +36,8 @@ from latentmotion.storage.configuration import from_json, read_plain, to_json
 from latentmotion.storage.reading import read_text
 from latentmotion.training.denoiser_loss import DenoiserObjective
 
+# Sentences to their pooled embeddings, of any length.
 Embed = Callable[[Sequence[str]], Float[np.ndarray, "sentences width"]]
-"""Sentences to their pooled embeddings, of any length."""
 
 # Sentences that are embedded together.
 _AT_ONCE = 512
@@ -47,14 +47,10 @@ _AT_ONCE = 512
 class RarityDraws:
     """How strongly draws depend on the support of sentences; the trial in retrieval.md chose it."""
 
-    power: float = 0.0
-    """0 draws all items equally often, 1 all movements."""
-    usual: float = 300.0
-    """Support of a sentence of weight 1, clips."""
-    most: float = 12.0
-    """Highest weight."""
-    composed: float = 1 / 3
-    """Largest share of draws that are of composed sequences."""
+    power: float = 0.0  # 0 draws all items equally often, 1 all movements.
+    usual: float = 300.0  # Support of a sentence of weight 1, clips.
+    most: float = 12.0  # Highest weight.
+    composed: float = 1 / 3  # Largest share of draws that are of composed sequences.
 
     def weigh(self, items: Sequence[Item], embed: Embed) -> list[Item]:
         """Returns items with weights of their sentences.
@@ -98,50 +94,39 @@ class RarityDraws:
         ]
 
 
+# Precision of a network's arithmetic; `auto` is bfloat16 on devices that multiply it, else float32.
 Precision = Literal["float32", "bfloat16", "auto"]
-"""Precision of a network's arithmetic; `auto` is bfloat16 on devices that multiply it, else
-float32."""
 
+# Whether each rank holds all weights or a part of them; `auto` decides by size.
 Parallel = Literal["auto", "replicated", "sharded"]
-"""Whether each rank holds all weights or a part of them; `auto` decides by size."""
 
 
 @dataclass(frozen=True)
 class TrainingSettings:
     """Optimization of one stage."""
 
+    # Optimizer steps of the whole run; the learning rate falls to zero at the last.
     steps: int = 10_000
-    """Optimizer steps of the whole run; the learning rate falls to zero at the last."""
-    batch_size: int = 32
-    """Samples of a step, over all ranks."""
-    learning_rate: float = 1e-3
-    """The highest learning rate."""
-    warm_up: int = 100
-    """Steps in which the learning rate rises from zero."""
+    batch_size: int = 32  # Samples of a step, over all ranks.
+    learning_rate: float = 1e-3  # The highest learning rate.
+    warm_up: int = 100  # Steps in which the learning rate rises from zero.
+    # Cosine to zero after the warm-up, or constant.
     schedule: Literal["cosine", "constant"] = "cosine"
-    """Cosine to zero after the warm-up, or constant."""
-    weight_decay: float = 0.01
-    """AdamW's weight decay."""
+    weight_decay: float = 0.01  # AdamW's weight decay.
+    # Highest norm of the gradient; None (null in JSON) for no clipping.
     gradient_clip: float | None = 1.0
-    """Highest norm of the gradient; None (null in JSON) for no clipping."""
-    ema_decay: float = 0.999
-    """Decay of the moving average of the weights; 0 for none."""
+    ema_decay: float = 0.999  # Decay of the moving average of the weights; 0 for none.
+    # Precision of the networks' arithmetic; weights and losses stay in float32.
     precision: Precision = "float32"
-    """Precision of the networks' arithmetic; weights and losses stay in float32."""
+    # Under torchrun: each rank holds all weights, or a part; by default as many as fit.
     parallel: Parallel = "auto"
-    """Under torchrun: each rank holds all weights, or a part; by default as many as fit."""
-    seed: int = 0
-    """Seed of weights, batches and noise."""
-    report_every: int = 50
-    """Steps between lines of progress and journal."""
-    validate_every: int = 500
-    """Steps between validations."""
-    snapshot_every: int = 200
-    """Steps between snapshots."""
-    sample_every: int = 1000
-    """Steps between picture strips of samples; 0 for none."""
+    seed: int = 0  # Seed of weights, batches and noise.
+    report_every: int = 50  # Steps between lines of progress and journal.
+    validate_every: int = 500  # Steps between validations.
+    snapshot_every: int = 200  # Steps between snapshots.
+    sample_every: int = 1000  # Steps between picture strips of samples; 0 for none.
+    # Number of times that the averaged weights are kept, evenly spread over the training.
     keep: int = 0
-    """Number of times that the averaged weights are kept, evenly spread over the training."""
 
     def __post_init__(self) -> None:
         for name in ("steps", "batch_size", "report_every", "validate_every", "snapshot_every"):
@@ -166,49 +151,37 @@ class TrainingSettings:
 class LatentSettings:
     """Storage of the first stage's latents for the second."""
 
-    cropping: Cropping = field(default_factory=Cropping)
-    """Which parts of clips are encoded."""
+    cropping: Cropping = field(default_factory=Cropping)  # Which parts of clips are encoded.
+    # Crops kept of each clip, or part of a clip with sentences of its own; 0 encodes fresh crops at
+    # every step, as the authors do, which takes most of the time of a step.
     per_item: int = 4
-    """Crops kept of each clip, or part of a clip with sentences of its own; 0 encodes fresh crops
-    at every step, as the authors do, which takes most of the time of a step."""
+    # Whether the denoiser sees them with mean 0 and deviation 1 per channel.
     normalized: bool = True
-    """Whether the denoiser sees them with mean 0 and deviation 1 per channel."""
+    # Whether latents are drawn from the posterior at every step, or are its mean.
     sampled: bool = True
-    """Whether latents are drawn from the posterior at every step, or are its mean."""
 
 
 @dataclass(frozen=True)
 class Experiment:
     """Everything that decides what a training run yields, but the data."""
 
-    name: str
-    """Name of the model."""
-    vae: VAEConfig
-    """Motion to latents and back."""
-    vae_objective: VAEObjective
-    """Loss of stage 1."""
-    vae_cropping: Cropping
-    """Which parts of clips stage 1 sees."""
-    vae_training: TrainingSettings
-    """Optimization of stage 1."""
-    latents: LatentSettings
-    """Latents of stage 1 for stage 2."""
-    denoiser: DenoiserConfig
-    """Noise to latents."""
-    denoiser_objective: DenoiserObjective
-    """Loss of stage 2."""
-    denoiser_training: TrainingSettings
-    """Optimization of stage 2."""
-    sampling: Sampling
-    """Sampling settings."""
+    name: str  # Name of the model.
+    vae: VAEConfig  # Motion to latents and back.
+    vae_objective: VAEObjective  # Loss of stage 1.
+    vae_cropping: Cropping  # Which parts of clips stage 1 sees.
+    vae_training: TrainingSettings  # Optimization of stage 1.
+    latents: LatentSettings  # Latents of stage 1 for stage 2.
+    denoiser: DenoiserConfig  # Noise to latents.
+    denoiser_objective: DenoiserObjective  # Loss of stage 2.
+    denoiser_training: TrainingSettings  # Optimization of stage 2.
+    sampling: Sampling  # Sampling settings.
+    # Sentence embeddings that the denoiser reads.
     conditioning: TextConditioning = field(default_factory=TextConditioning)
-    """Sentence embeddings that the denoiser reads."""
-    mirrored: bool = True
-    """Whether mirrored copies of the clips are trained on too."""
+    mirrored: bool = True  # Whether mirrored copies of the clips are trained on too.
+    # Condition of the motion: a sentence, the label of an action, or nothing.
     task: TaskName = "text"
-    """Condition of the motion: a sentence, the label of an action, or nothing."""
+    # How often stage 2 sees rare sentences.
     draws: RarityDraws = field(default_factory=RarityDraws)
-    """How often stage 2 sees rare sentences."""
 
 
 Settings = TypeVar("Settings")
@@ -256,8 +229,7 @@ def differing_keys(first: Any, second: Any, where: str = "") -> Iterator[str]:
 
 _TABLE = tomllib.loads(Path(__file__).with_name("presets.toml").read_text(encoding="utf-8"))
 
-PRESETS = tuple(_TABLE)
-"""Names of the presets."""
+PRESETS = tuple(_TABLE)  # Names of the presets.
 
 
 def preset_named(name: str) -> Experiment:

@@ -40,22 +40,20 @@ from latentmotion.training.drawn_instructions import drawn_instructions
 from latentmotion.training.experiment import TrainingSettings, preset_named
 from latentmotion.training.run_folder import open_run
 
-REHEARSAL = "rehearsal"
-"""Name of the source of the model's own motions."""
+REHEARSAL = "rehearsal"  # Name of the source of the model's own motions.
 
-SOLVER_STEPS = 12
-"""Sampling steps of rehearsed motions, by DPM-Solver++."""
+SOLVER_STEPS = 12  # Sampling steps of rehearsed motions, by DPM-Solver++.
 
-AT_ONCE = 64
-"""Motions of a batch that are generated for rehearsal."""
+AT_ONCE = 64  # Motions of a batch that are generated for rehearsal.
 
 
 @dataclass(frozen=True)
 class FineTuning:
     """Settings of `latentmotion finetune`; the defaults are for some twenty clips and two cores."""
 
+    # Drawn prompts whose motions the model rehearses, as far as they do what was asked.
     rehearsal: int = 400
-    """Drawn prompts whose motions the model rehearses, as far as they do what was asked."""
+    # Optimization of the denoiser.
     training: TrainingSettings = field(
         default_factory=lambda: TrainingSettings(
             steps=1_500,
@@ -67,7 +65,7 @@ class FineTuning:
             sample_every=500,
         )
     )
-    """Optimization of the denoiser."""
+    # Training of the few-step student.
     distillation: Distillation = field(
         default_factory=lambda: Distillation(
             few_step=FewStepConfig(guidance=(1.0, 9.0), solver_steps=12),  # as `fast` has
@@ -83,21 +81,16 @@ class FineTuning:
             ),
         )
     )
-    """Training of the few-step student."""
-    few_steps: bool = True
-    """Whether the result is distilled to few steps, as the default model is."""
+    few_steps: bool = True  # Whether the result is distilled to few steps, as the default model is.
 
 
 @dataclass(frozen=True)
 class FineTuningRun:
     """Settings that the folder of a run was made with."""
 
-    files: dict[str, str]
-    """Hashes of the clips and captions."""
-    model: str
-    """Hash of the weights of the model that is trained on."""
-    settings: FineTuning
-    """Everything else."""
+    files: dict[str, str]  # Hashes of the clips and captions.
+    model: str  # Hash of the weights of the model that is trained on.
+    settings: FineTuning  # Everything else.
 
 
 def finetune(

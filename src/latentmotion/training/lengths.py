@@ -50,44 +50,29 @@ _LENGTHS = 60
 class LengthRecipe:
     """Settings of the training."""
 
-    hidden: int = 256
-    """Units of a hidden layer."""
-    layers: int = 3
-    """Number of hidden layers."""
-    passes: int = 20
-    """Number of passes over the sentences."""
-    batch: int = 256
-    """Sentences a step."""
-    learning_rate: float = 1e-3
-    """Peak learning rate, of one cycle."""
-    dropout: float = 0.1
-    """Dropout rate of inputs and hidden units."""
-    seed: int = 0
-    """Seed of first weights, order and dropout."""
+    hidden: int = 256  # Units of a hidden layer.
+    layers: int = 3  # Number of hidden layers.
+    passes: int = 20  # Number of passes over the sentences.
+    batch: int = 256  # Sentences a step.
+    learning_rate: float = 1e-3  # Peak learning rate, of one cycle.
+    dropout: float = 0.1  # Dropout rate of inputs and hidden units.
+    seed: int = 0  # Seed of first weights, order and dropout.
 
 
 @dataclass(frozen=True)
 class ObedienceRecipe:
     """Settings of the model of obedience by prompt and length."""
 
-    hidden: int = 256
-    """Units of the hidden layer."""
-    passes: int = 20
-    """Number of passes over the motions."""
-    batch: int = 256
-    """Motions a step."""
-    learning_rate: float = 2e-3
-    """Peak learning rate, of one cycle."""
-    dropout: float = 0.5
-    """Dropout rate of inputs and hidden units."""
-    prompts: int = 20_000
-    """Drawn prompts whose best length is learned."""
-    copies: int = 3
-    """How often each of them stands beside each caption of the data."""
+    hidden: int = 256  # Units of the hidden layer.
+    passes: int = 20  # Number of passes over the motions.
+    batch: int = 256  # Motions a step.
+    learning_rate: float = 2e-3  # Peak learning rate, of one cycle.
+    dropout: float = 0.5  # Dropout rate of inputs and hidden units.
+    prompts: int = 20_000  # Drawn prompts whose best length is learned.
+    copies: int = 3  # How often each of them stands beside each caption of the data.
+    # Weight of the logarithm of the density of captions' lengths beside that of obeying.
     prior: float = 0.2
-    """Weight of the logarithm of the density of captions' lengths beside that of obeying."""
-    seed: int = 0
-    """Seed of first weights, order, dropout and prompts."""
+    seed: int = 0  # Seed of first weights, order, dropout and prompts.
 
 
 class ObedienceNetwork(nn.Module):
@@ -100,8 +85,7 @@ class ObedienceNetwork(nn.Module):
         recipe: Its size.
     """
 
-    BUMPS = 10
-    """Number of bumps, from 1 to 9.5 s."""
+    BUMPS = 10  # Number of bumps, from 1 to 9.5 s.
 
     centers: Tensor
 
@@ -131,14 +115,11 @@ class ObedienceNetwork(nn.Module):
 class LengthFigures:
     """Accuracy of predicted lengths."""
 
-    sentences: int
-    """Number of sentences."""
-    mae: float
-    """Mean absolute error of the median in seconds."""
+    sentences: int  # Number of sentences.
+    mae: float  # Mean absolute error of the median in seconds.
+    # The same, where every sentence gets the median of those that were learned from.
     constant_mae: float
-    """The same, where every sentence gets the median of those that were learned from."""
-    inside: float
-    """Share of motions between the first and the last quantile; 0.8 would be right."""
+    inside: float  # Share of motions between the first and the last quantile; 0.8 would be right.
 
 
 def train_lengths(
@@ -317,16 +298,11 @@ def _minimize(
 class LengthTrials:
     """Which motions are generated."""
 
-    prompts: int = 6000
-    """Prompts that are drawn."""
-    takes: int = 6
-    """Motions of each, their lengths spread evenly on a logarithmic scale."""
-    shortest: float = 1.2
-    """Shortest length in seconds."""
-    longest: float = 8.6
-    """Longest length in seconds."""
-    seed: int = 1
-    """Seed of prompts, lengths and noise."""
+    prompts: int = 6000  # Prompts that are drawn.
+    takes: int = 6  # Motions of each, their lengths spread evenly on a logarithmic scale.
+    shortest: float = 1.2  # Shortest length in seconds.
+    longest: float = 8.6  # Longest length in seconds.
+    seed: int = 1  # Seed of prompts, lengths and noise.
 
     def lengths(self, number: int, fps: float) -> list[float]:
         """Returns the lengths of a prompt's motions in seconds, in whole frames.
@@ -345,12 +321,9 @@ class LengthTrials:
 class LengthVerdicts:
     """Whether a model did what prompts ask, at some lengths."""
 
-    prompts: tuple[str, ...]
-    """A prompt for each motion."""
-    seconds: Float[np.ndarray, " motions"]
-    """Its length."""
-    obeyed: Bool[np.ndarray, " motions"]
-    """Whether it did what the prompt asks."""
+    prompts: tuple[str, ...]  # A prompt for each motion.
+    seconds: Float[np.ndarray, " motions"]  # Its length.
+    obeyed: Bool[np.ndarray, " motions"]  # Whether it did what the prompt asks.
 
 
 def judged_lengths(
@@ -408,21 +381,19 @@ def _read(journal: Path, about: dict[str, Any]) -> list[Any]:
     return rows[1:]
 
 
+# Frames of HumanML3D's items: left out below the first, from the second on; cut to the third.
 SHORTEST, TOO_LONG, LONGEST = 40, 200, 196
-"""Frames of HumanML3D's items: left out below the first, from the second on; cut to the third."""
 
+# Seconds of the shortest act of a prepared folder; clips may be cut close to what happens.
 SHORTEST_ACT = 1.6
-"""Seconds of the shortest act of a prepared folder; clips may be cut close to what happens."""
 
 
 @dataclass(frozen=True)
 class CaptionLengths:
     """Sentences with the lengths of their motions."""
 
-    sentences: tuple[str, ...]
-    """The sentences; several may describe one motion."""
-    seconds: Float[np.ndarray, " sentences"]
-    """Lengths of their motions, seconds."""
+    sentences: tuple[str, ...]  # The sentences; several may describe one motion.
+    seconds: Float[np.ndarray, " sentences"]  # Lengths of their motions, seconds.
 
 
 def read_caption_lengths(folder: Path, split: Split) -> CaptionLengths:

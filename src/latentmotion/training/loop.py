@@ -88,12 +88,10 @@ NAME = "snapshot.pt"
 class Progress(NamedTuple):
     """Progress of a run, over all its resumptions; times include validation and pictures."""
 
-    step: int = 0
-    """Optimizer steps."""
-    seconds: float = 0.0
-    """Time on the clock."""
+    step: int = 0  # Optimizer steps.
+    seconds: float = 0.0  # Time on the clock.
+    # Time of the processor, over all threads; that of a GPU is not in it.
     processor_seconds: float = 0.0
-    """Time of the processor, over all threads; that of a GPU is not in it."""
 
 
 def read_progress(folder: Path) -> Progress:
@@ -175,8 +173,7 @@ def _progress_of(state: dict[str, Any]) -> Progress:
 class Stage(nn.Module, ABC, Generic[Network]):
     """A training stage: losses of a step, figures on held-out data, samples."""
 
-    network: Network
-    """The network that is optimized, averaged and saved."""
+    network: Network  # The network that is optimized, averaged and saved.
 
     @abstractmethod
     def forward(self, step: int) -> dict[str, torch.Tensor]:

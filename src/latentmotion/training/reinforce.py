@@ -41,30 +41,25 @@ from latentmotion.training.task_conditions import ConditionTable, task_condition
 class Reinforcement:
     """Settings of one round."""
 
-    takes: TakeSettings = field(default_factory=TakeSettings)
-    """Which motions are made and judged."""
-    weight: float = 2.0
-    """Weight of the takes' loss beside that of the data."""
+    takes: TakeSettings = field(default_factory=TakeSettings)  # Which motions are made and judged.
+    weight: float = 2.0  # Weight of the takes' loss beside that of the data.
+    # b, how far the model in training stands for the step away from the old one.
     strength: float = 1.0
-    """b, how far the model in training stands for the step away from the old one."""
+    # Optimization of the denoiser.
     training: TrainingSettings = field(
         default_factory=lambda: TrainingSettings(
             steps=500, batch_size=48, learning_rate=3e-4, warm_up=50, precision="auto"
         )
     )
-    """Optimization of the denoiser."""
 
 
 @dataclass(frozen=True)
 class ReinforceRun:
     """Settings that a run folder was made with."""
 
-    data: str
-    """Fingerprint of the prepared data."""
-    parents: dict[str, str]
-    """Fingerprints of the model and of the text encoder."""
-    settings: Reinforcement
-    """Everything else."""
+    data: str  # Fingerprint of the prepared data.
+    parents: dict[str, str]  # Fingerprints of the model and of the text encoder.
+    settings: Reinforcement  # Everything else.
 
 
 class ReinforceStage(DenoiserStage):

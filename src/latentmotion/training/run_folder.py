@@ -60,8 +60,7 @@ def provenance_of(dataset: Dataset, seconds: float, before: Provenance | None = 
 
 EXPERIMENT_FILE = "experiment.json"
 
-FORMAT = 2
-"""Version of experiment.json that this code writes and reads."""
+FORMAT = 2  # Version of experiment.json that this code writes and reads.
 
 AnyRun = TypeVar("AnyRun")
 
@@ -72,22 +71,17 @@ _STEPS = re.compile(r"(?:\w+\.)*\w*training\.steps \((\d+) → (\d+)\)")
 # Settings that may differ when a run is resumed.
 _MACHINE = re.compile(r"(?:\w+\.)*\w*training\.(?:precision|parallel) \(.*\)")
 
-MODEL = "model"
-"""Folder of the trained model in a run folder."""
+MODEL = "model"  # Folder of the trained model in a run folder.
 
 
 @dataclass(frozen=True)
 class Run:
     """Settings that a run folder was made with."""
 
-    stage: str
-    """`vae` or `denoiser`."""
-    data: str
-    """Fingerprint of the prepared data."""
-    parents: dict[str, str]
-    """Fingerprints of what the run builds on: the VAE, the text encoder."""
-    experiment: Experiment
-    """Everything else that decides what the run yields."""
+    stage: str  # `vae` or `denoiser`.
+    data: str  # Fingerprint of the prepared data.
+    parents: dict[str, str]  # Fingerprints of what the run builds on: the VAE, the text encoder.
+    experiment: Experiment  # Everything else that decides what the run yields.
 
 
 def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
@@ -204,8 +198,8 @@ def second_stage_card(
 
 JOURNAL_FILE = "journal.jsonl"
 
+# Environment variable: names of plugins that receive the figures, separated by commas.
 LOGGERS = "LATENTMOTION_LOGGERS"
-"""Environment variable: names of plugins that receive the figures, separated by commas."""
 
 
 class Journal:

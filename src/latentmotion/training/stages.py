@@ -44,12 +44,11 @@ from latentmotion.training.task_conditions import (
 )
 from latentmotion.training.vae import BatchSampler, FeatureCache, VAEStage
 
-HELD_OUT = 128
-"""Most held-out crops that a validation looks at."""
+HELD_OUT = 128  # Most held-out crops that a validation looks at.
 
+# Largest distance of a VAE's weights from those that its training started from, as a share of their
+# norm; those of unrelated ones are 1.4 apart.
 RELATED = 0.9
-"""Largest distance of a VAE's weights from those that its training started from, as a share of
-their norm; those of unrelated ones are 1.4 apart."""
 
 
 def train_vae(
@@ -301,12 +300,9 @@ def check_length(experiment: Experiment) -> None:
 class FirstStage:
     """A trained VAE."""
 
-    vae: MotionVAE
-    """The network, frozen."""
-    card: ModelCard
-    """Its description."""
-    fingerprint: str
-    """Hash of its weights."""
+    vae: MotionVAE  # The network, frozen.
+    card: ModelCard  # Its description.
+    fingerprint: str  # Hash of its weights.
 
 
 def load_first_stage(folder: Path) -> FirstStage:

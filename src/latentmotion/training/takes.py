@@ -30,51 +30,40 @@ from latentmotion.training.checking import fulfills
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.task_conditions import ConditionTable
 
-AT_ONCE = 64
-"""Motions that are made together."""
+AT_ONCE = 64  # Motions that are made together.
 
-STANDING = 0.05
-"""Height in meters below which a foot joint that does not rise counts as standing."""
+STANDING = 0.05  # Height in meters below which a foot joint that does not rise counts as standing.
 
 
-DEPTH = 0.05
-"""Meters below the floor that are as bad as a foot that slides at 1 m/s."""
+DEPTH = 0.05  # Meters below the floor that are as bad as a foot that slides at 1 m/s.
 
 
 @dataclass(frozen=True)
 class TakeSettings:
     """Which motions are made."""
 
-    prompts: int = 1000
-    """Prompts that are drawn."""
-    takes: int = 6
-    """Motions of each."""
-    guidance: float = 4.0
-    """Guidance scale."""
-    steps: int = 10
-    """Sampling steps of DPM-Solver++."""
+    prompts: int = 1000  # Prompts that are drawn.
+    takes: int = 6  # Motions of each.
+    guidance: float = 4.0  # Guidance scale.
+    steps: int = 10  # Sampling steps of DPM-Solver++.
+    # Deviation of the logarithm of lengths, around what is usual for the sentence.
     spread: float = 0.2
-    """Deviation of the logarithm of lengths, around what is usual for the sentence."""
+    # Cost of feet that slide or sink, for each deviation above the prompt's other takes.
     feet: float = 0.3
-    """Cost of feet that slide or sink, for each deviation above the prompt's other takes."""
-    seed: int = 0
-    """Seed of prompts, lengths and noise."""
+    seed: int = 0  # Seed of prompts, lengths and noise.
 
 
 @dataclass(frozen=True)
 class Takes:
     """Motions of a model, by prompt."""
 
+    # Generated latents, in the denoiser's scale.
     latents: Float[torch.Tensor, "takes tokens width"]
-    """Generated latents, in the denoiser's scale."""
-    mask: Bool[torch.Tensor, "takes tokens"]
-    """True on real tokens."""
-    prompt: torch.Tensor
-    """Number of each one's prompt."""
-    obeys: Bool[torch.Tensor, " takes"]
-    """Whether each fulfills its check."""
+    mask: Bool[torch.Tensor, "takes tokens"]  # True on real tokens.
+    prompt: torch.Tensor  # Number of each one's prompt.
+    obeys: Bool[torch.Tensor, " takes"]  # Whether each fulfills its check.
+    # Speed of standing feet, m/s, and the depth of the lowest joint below the floor, 5 cm.
     faults: Float[torch.Tensor, " takes"]
-    """Speed of standing feet, m/s, and the depth of the lowest joint below the floor, 5 cm."""
 
     def weights(self, feet: float) -> Float[torch.Tensor, " takes"]:
         """Returns how much is to be learned of each take, from 0 (avoid it) to 1 (do the like).

@@ -21,18 +21,16 @@ from latentmotion.data.dataset import Dataset, Item, items_of
 from latentmotion.errors import InputError
 from latentmotion.training.experiment import Experiment
 
-AT_ONCE = 512
-"""Prompts that are encoded together."""
+AT_ONCE = 512  # Prompts that are encoded together.
 
 
 @dataclass(frozen=True)
 class TaskConditioning:
     """Conversion of prompts to the denoiser's condition."""
 
+    # Its entry in the model card.
     task: tasks.TextTask | tasks.ActionTask | tasks.UnconditionalTask
-    """Its entry in the model card."""
-    condition: Condition
-    """Prompts to words."""
+    condition: Condition  # Prompts to words.
 
     @property
     def width(self) -> int:

@@ -65,12 +65,11 @@ _WINDOW = 50
 class TeacherOutputs:
     """The teacher's outputs for many sentences; arrays may be memory-mapped."""
 
-    pooled: Float[np.ndarray, "sentences width"]
-    """Sentence embeddings of unit length, float32."""
+    pooled: Float[np.ndarray, "sentences width"]  # Sentence embeddings of unit length, float32.
+    # States of all pieces, sentence after sentence, float16.
     words: Float[np.ndarray, "pieces width"]
-    """States of all pieces, sentence after sentence, float16."""
+    # First row of each sentence in `words`, and the number of rows.
     starts: Int[np.ndarray, " bounds"]
-    """First row of each sentence in `words`, and the number of rows."""
 
 
 def teacher_targets(
@@ -150,16 +149,13 @@ def padded(
 class SentenceBatch:
     """Sentences of similar length with the teacher's outputs."""
 
-    tokens: Int[torch.Tensor, "batch words"]
-    """Pieces in the student's vocabulary."""
-    mask: Bool[torch.Tensor, "batch words"]
-    """True on real pieces, False on padding."""
-    pooled: Float[torch.Tensor, "batch width"]
-    """The teacher's sentence embeddings of unit length."""
+    tokens: Int[torch.Tensor, "batch words"]  # Pieces in the student's vocabulary.
+    mask: Bool[torch.Tensor, "batch words"]  # True on real pieces, False on padding.
+    pooled: Float[torch.Tensor, "batch width"]  # The teacher's sentence embeddings of unit length.
+    # True on real pieces of sentences that both tokenizers split alike.
     aligned: Bool[torch.Tensor, "batch words"]
-    """True on real pieces of sentences that both tokenizers split alike."""
+    # The teacher's states of the aligned pieces, in their order.
     words: Float[torch.Tensor, "pieces width"]
-    """The teacher's states of the aligned pieces, in their order."""
 
     def to(self, device: torch.device) -> SentenceBatch:
         """Returns the batch on a device."""
@@ -171,12 +167,10 @@ class SentenceBatch:
 class TrainingSet:
     """Sentences to train on, with the teacher's outputs."""
 
-    ids: Sequence[Sequence[int]]
-    """Pieces of each sentence in the student's vocabulary."""
+    ids: Sequence[Sequence[int]]  # Pieces of each sentence in the student's vocabulary.
+    # Whether the tokenizers of student and teacher split the sentence alike.
     aligned: Sequence[bool]
-    """Whether the tokenizers of student and teacher split the sentence alike."""
-    targets: TeacherOutputs
-    """The teacher's outputs, in the order of the sentences."""
+    targets: TeacherOutputs  # The teacher's outputs, in the order of the sentences.
 
     def batch(self, rows: Int[np.ndarray, " batch"]) -> SentenceBatch:
         """Returns the sentences at these rows."""
@@ -196,12 +190,10 @@ class TrainingSet:
 class ValidationSentences:
     """Sentences for validation."""
 
-    sentences: Sequence[str]
-    """The sentences, in random order."""
-    ids: Sequence[Sequence[int]]
-    """Pieces of each in the student's vocabulary."""
+    sentences: Sequence[str]  # The sentences, in random order.
+    ids: Sequence[Sequence[int]]  # Pieces of each in the student's vocabulary.
+    # The teacher's sentence embeddings of unit length.
     pooled: Float[np.ndarray, "sentences width"]
-    """The teacher's sentence embeddings of unit length."""
 
 
 class SentenceSampler:
@@ -237,21 +229,18 @@ class SentenceSampler:
         return [batches[index] for index in shuffled]
 
 
-HELD_OUT_PERCENT = 5
-"""Share of sentences that are held out, in percent."""
+HELD_OUT_PERCENT = 5  # Share of sentences that are held out, in percent.
 
-GROUP = 33
-"""Sentences among which the nearest one is looked for."""
+GROUP = 33  # Sentences among which the nearest one is looked for.
 
 
 @dataclass(frozen=True)
 class TaggedCaption:
     """A caption with HumanML3D's part-of-speech tags."""
 
-    text: str
-    """The sentence in lower case, words separated by one blank each."""
+    text: str  # The sentence in lower case, words separated by one blank each.
+    # (lemma, part of speech) of each word, such as ("walk", "VERB").
     tags: tuple[tuple[str, str], ...]
-    """(lemma, part of speech) of each word, such as ("walk", "VERB")."""
 
 
 def read_captions(path: str | Path) -> list[TaggedCaption]:
@@ -302,17 +291,14 @@ def is_held_out(sentence: str) -> bool:
 class Figures:
     """Agreement of a student's sentence embeddings with its teacher's."""
 
-    sentences: int
-    """Number of held-out sentences."""
-    cosine: float
-    """Mean cosine of both embeddings of a sentence."""
-    cosine_5_percent: float
-    """5th percentile of the cosines."""
+    sentences: int  # Number of held-out sentences.
+    cosine: float  # Mean cosine of both embeddings of a sentence.
+    cosine_5_percent: float  # 5th percentile of the cosines.
+    # Share of sentences whose nearest among 32 others is the same for student and teacher.
     nearest: float
-    """Share of sentences whose nearest among 32 others is the same for student and teacher."""
+    # Share of sentences whose student embedding is nearest to their own teacher embedding, among 33
+    # teacher embeddings.
     own_first: float
-    """Share of sentences whose student embedding is nearest to their own teacher embedding, among
-    33 teacher embeddings."""
 
 
 def compare(
@@ -428,21 +414,20 @@ LICENSE = "Apache-2.0 (started from all-MiniLM-L6-v2, Apache-2.0; captions Human
 class StudentRecipe:
     """Everything that decides what the distillation yields, but captions and teacher."""
 
+    # The teacher's layer that each layer of the student starts from.
     layers: tuple[int, ...] = (0, 2, 5)
-    """The teacher's layer that each layer of the student starts from."""
+    # Frequent English words in the vocabulary, besides the pieces of the captions.
     words: int = 8000
-    """Frequent English words in the vocabulary, besides the pieces of the captions."""
+    # Frequent word ends (`##ing`) in the vocabulary, besides those of the captions.
     continuations: int = 1200
-    """Frequent word ends (`##ing`) in the vocabulary, besides those of the captions."""
-    positions: int = 128
-    """Longest sentence in pieces; longer ones are cut."""
+    positions: int = 128  # Longest sentence in pieces; longer ones are cut.
+    # Optimization; the seed also decides the variations of captions.
     training: TrainingSettings = field(
         default_factory=lambda: TrainingSettings(
             steps=7000, batch_size=64, learning_rate=5e-4, warm_up=200, ema_decay=0.0,
             precision="auto", report_every=100, snapshot_every=500, sample_every=0,
         )
     )  # fmt: skip
-    """Optimization; the seed also decides the variations of captions."""
 
 
 def distillation_losses(
@@ -512,14 +497,10 @@ class TextEncoderStage(Stage[StudentNetwork]):
 class TextEncoderRun:
     """Settings that the run folder of a text encoder was made with."""
 
-    captions: str
-    """Fingerprint of the captions."""
-    teacher: str
-    """Kind and source of the teacher."""
-    recipe: StudentRecipe
-    """Everything else that decides what the run yields."""
-    stage: str = "text-encoder"
-    """Settings that distinguish it from other runs."""
+    captions: str  # Fingerprint of the captions.
+    teacher: str  # Kind and source of the teacher.
+    recipe: StudentRecipe  # Everything else that decides what the run yields.
+    stage: str = "text-encoder"  # Settings that distinguish it from other runs.
 
 
 def train_text_encoder(

@@ -52,9 +52,9 @@ class BatchSampler:
         return self._epoch(epoch)[index]
 
 
+# Bytes of features that training keeps in memory: 14 hours a GB. Of more, none are kept, and crops
+# are read from the data's shards, where the system keeps what it has room for.
 MOST_CACHED = 1 << 33
-"""Bytes of features that training keeps in memory: 14 hours a GB. Of more, none are kept, and crops
-are read from the data's shards, where the system keeps what it has room for."""
 
 
 class FeatureCache:
@@ -105,8 +105,7 @@ def items_by_length(clips: Sequence[Clip], most: int) -> list[Item]:
     return [item for item in items_of(clips) for _ in range(math.ceil(item.frames / most))]
 
 
-LOOKED_AT = 64
-"""Clips of each split that a validation rebuilds."""
+LOOKED_AT = 64  # Clips of each split that a validation rebuilds.
 
 
 class VAEStage(Stage[MotionVAE]):

@@ -28,28 +28,23 @@ from latentmotion.kinematics.rotations import quaternion_from_matrix
 from latentmotion.motion import Motion
 from latentmotion.storage.files import write_file
 
-FINEST_STEP = 1e-4
-"""Step of the quantized joint positions, meters."""
+FINEST_STEP = 1e-4  # Step of the quantized joint positions, meters.
 
 
 @dataclass(frozen=True, eq=False)
 class Skinned:
     """A skin that bones carry, at rest, and how they move it in each motion."""
 
-    vertices: Float[np.ndarray, "vertices 3"]
-    """Positions, meters."""
-    normals: Float[np.ndarray, "vertices 3"]
-    """Outward unit normals."""
+    vertices: Float[np.ndarray, "vertices 3"]  # Positions, meters.
+    normals: Float[np.ndarray, "vertices 3"]  # Outward unit normals.
+    # Corners of each face, counterclockwise from outside.
     triangles: Int[np.ndarray, "triangles 3"]
-    """Corners of each face, counterclockwise from outside."""
-    joints: Int[np.ndarray, "vertices 4"]
-    """The bones that carry each vertex."""
-    weights: Float[np.ndarray, "vertices 4"]
-    """Weight of each; the sum is 1."""
+    joints: Int[np.ndarray, "vertices 4"]  # The bones that carry each vertex.
+    weights: Float[np.ndarray, "vertices 4"]  # Weight of each; the sum is 1.
+    # For each motion, how far every bone is turned from rest, in the world.
     rotations: Sequence[Float[np.ndarray, "frames bones 3 3"]]
-    """For each motion, how far every bone is turned from rest, in the world."""
+    # For each motion, where every bone puts the origin, meters.
     shifts: Sequence[Float[np.ndarray, "frames bones 3"]]
-    """For each motion, where every bone puts the origin, meters."""
 
     def content(self) -> dict[str, Any]:
         """Returns a skin and its moves as the page's script reads them."""

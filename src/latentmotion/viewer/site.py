@@ -20,8 +20,8 @@ from latentmotion.storage.files import atomic_folder, sha256
 MODEL_FOLDER = "model"
 MANIFEST_FILE = "web.json"
 RUNTIME_FILE = "ort-wasm-simd-threaded.wasm"
+# Version of onnxruntime-web that `worker.js` holds: its WebAssembly has to match.
 RUNTIME_VERSION = "1.30.0"
-"""Version of onnxruntime-web that `worker.js` holds: its WebAssembly has to match."""
 
 _SERVICE = "service.js"
 _PAGE_FILES = ("index.html", "site.css", "latentmotion.js", "worker.js", "LICENSES.txt", _SERVICE)

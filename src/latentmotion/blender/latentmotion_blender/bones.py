@@ -29,10 +29,8 @@ _UPRIGHT = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 class ArmatureSpace:
     """Axes and scale of an armature relative to a motion's."""
 
-    axes: np.ndarray
-    """(3, 3) The rotation A from the motion's axes to the armature's."""
-    scale: float
-    """Meters per unit of the armature."""
+    axes: np.ndarray  # (3, 3) The rotation A from the motion's axes to the armature's.
+    scale: float  # Meters per unit of the armature.
 
     @classmethod
     def of(cls, armature: bpy.types.Object) -> ArmatureSpace:
@@ -52,12 +50,10 @@ class ArmatureSpace:
 class Keys:
     """Animation of one bone."""
 
-    bone: str
-    """Its name."""
-    rotations: np.ndarray
-    """(frames, 3, 3) from its rest, in its own axes."""
+    bone: str  # Its name.
+    rotations: np.ndarray  # (frames, 3, 3) from its rest, in its own axes.
+    # (frames, 3) from its rest, in its own axes and the armature's unit; None if it has none.
     translations: np.ndarray | None
-    """(frames, 3) from its rest, in its own axes and the armature's unit; None if it has none."""
 
     def moves(self) -> bool:
         """Returns whether there is anything to key."""

@@ -20,16 +20,13 @@ _ROTATIONS = "Zrotation Xrotation Yrotation"
 class BvhTake:
     """One motion."""
 
-    names: list[str]
-    """Names of the joints, parents before children; end sites are left out."""
-    parents: list[int]
-    """Index of each joint's parent; -1 for the root."""
-    offsets: np.ndarray
-    """(joints, 3) each joint from its parent at rest."""
+    names: list[str]  # Names of the joints, parents before children; end sites are left out.
+    parents: list[int]  # Index of each joint's parent; -1 for the root.
+    offsets: np.ndarray  # (joints, 3) each joint from its parent at rest.
+    # (frames, joints, 3) each joint from its parent over time; the root from the origin.
     positions: np.ndarray
-    """(frames, joints, 3) each joint from its parent over time; the root from the origin."""
+    # (frames, joints, 3, 3) of each joint from its rest, in the world's axes.
     rotations: np.ndarray
-    """(frames, joints, 3, 3) of each joint from its rest, in the world's axes."""
 
     def rest(self) -> np.ndarray:
         """Returns (joints, 3) the rest positions of the joints."""

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 NAME = "latentmotion"
+# File with the path of the command that wrote this add-on, if any.
 REMEMBERED = Path(__file__).parent / "command.txt"
-"""File with the path of the command that wrote this add-on, if any."""
 
 _BINARIES = ("bin", "Scripts")
 _ENVIRONMENTS = (".venv", "venv", "latentmotion/.venv", "latentmotion", ".local")

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+# Joints that may have goals.
 JOINTS = frozenset(
     ["pelvis", "spine1", "spine2", "spine3", "neck", "head"]
     + [
@@ -29,7 +30,6 @@ JOINTS = frozenset(
         for joint in ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
     ]
 )
-"""Joints that may have goals."""
 
 # Points of a path between two points of a Bézier curve.
 _BETWEEN = 4
@@ -39,14 +39,10 @@ _BETWEEN = 4
 class Place:
     """Where and when the motion begins in the Blender scene."""
 
-    origin: tuple[float, float, float]
-    """Point of the world above which it begins, meters; z is up."""
-    heading: float
-    """Rotation of the figure about z, radians."""
-    start: int
-    """Frame of its first frame."""
-    fps: float
-    """Frames per second."""
+    origin: tuple[float, float, float]  # Point of the world above which it begins, meters; z is up.
+    heading: float  # Rotation of the figure about z, radians.
+    start: int  # Frame of its first frame.
+    fps: float  # Frames per second.
 
     def inside(self, point: Sequence[float]) -> tuple[float, float, float]:
         """Returns a point of the world as the motion has it: y up, from its start, facing +z."""
@@ -64,12 +60,9 @@ class Place:
 class Goal:
     """A joint at a point of the world in a frame."""
 
-    joint: str
-    """Name of the joint."""
-    frame: float
-    """The frame."""
-    point: tuple[float, float, float]
-    """The point, meters; z is up."""
+    joint: str  # Name of the joint.
+    frame: float  # The frame.
+    point: tuple[float, float, float]  # The point, meters; z is up.
 
 
 def goal_scene(

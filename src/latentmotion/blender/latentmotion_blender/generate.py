@@ -43,8 +43,7 @@ class GenerationTask:
     """
 
     running: "GenerationTask | None" = None
-    error = ""
-    """The last error, if any."""
+    error = ""  # The last error, if any.
 
     def __init__(self, context: bpy.types.Context) -> None:
         self.command = command_of(context)

@@ -57,6 +57,7 @@ UESTC = Source(
     url="https://github.com/Mathux/ACTOR",
 )
 
+# 51 of the 118 subjects; the others are the test split.
 TRAIN_SUBJECTS = frozenset(
     (
         *(1, 2, 6, 12, 13, 16, 21, 24, 28, 29, 30, 31, 33, 35, 39, 41, 42, 45, 47, 50, 52, 54, 55),
@@ -64,13 +65,11 @@ TRAIN_SUBJECTS = frozenset(
         *(103, 104, 107, 108, 112, 113),
     )
 )
-"""51 of the 118 subjects; the others are the test split."""
 
-SHORTEST = 45
-"""Frames of the shortest training clip; the test split has them all."""
+SHORTEST = 45  # Frames of the shortest training clip; the test split has them all.
 
+# Focal length and width of the image for which VIBE's camera is stated, pixels.
 FOCAL, IMAGE = 500.0, 540.0
-"""Focal length and width of the image for which VIBE's camera is stated, pixels."""
 
 # The joint of VIBE's 49 whose trajectory is the root's.
 _MID_HIP = 8
@@ -87,14 +86,10 @@ _VIDEO = re.compile(r"a(\d+)_d(\d+)_p(\d+)_c(\d+)_")
 class Video:
     """What the name of a video states."""
 
-    action: int
-    """Number of the action, from 0."""
-    view: int
-    """One of the 8 directions around the subject, or 8 for a camera that circles it."""
-    subject: int
-    """Number of the subject."""
-    side: int
-    """1 for the camera in front; 2 for the other one."""
+    action: int  # Number of the action, from 0.
+    view: int  # One of the 8 directions around the subject, or 8 for a camera that circles it.
+    subject: int  # Number of the subject.
+    side: int  # 1 for the camera in front; 2 for the other one.
 
     @property
     def split(self) -> Split:
@@ -236,11 +231,11 @@ HUMANACT12 = Source(
     url="https://github.com/Mathux/ACTOR",
 )
 
+# Its labels, in the order of their numbers; each is its own mirror image.
 ACTIONS = (
     *("warm_up", "walk", "run", "jump", "drink", "lift_dumbbell", "sit", "eat"),
     *("turn steering wheel", "phone", "boxing", "throw"),
 )
-"""Its labels, in the order of their numbers; each is its own mirror image."""
 
 _NEEDED = ("poses", "joints3D", "y")
 

@@ -69,14 +69,13 @@ CMU = Source(
 
 Value = TypeVar("Value")
 
+# Native frames per second of most trials, and of those that `labels.toml` lists.
 USUAL_RATE, SLOW_RATE = 120.0, 60.0
-"""Native frames per second of most trials, and of those that `labels.toml` lists."""
 
 # Rate that conversions to BVH write into the file, whatever the trial's own.
 _STATED_RATE = 120.0
 
-SHORTEST = 40
-"""Frames of the shortest stretch without captions that is used."""
+SHORTEST = 40  # Frames of the shortest stretch without captions that is used.
 
 _TRIAL = re.compile(r"(\d+)_(\d+)", re.ASCII)
 _HUMANML3D_PATH = re.compile(r"/CMU/(?P<folder>[^/]+)/(?P<trial>\d+_\d+)_poses\.npy$")
@@ -88,18 +87,14 @@ _LABEL_FOLDER, _LABEL_RATE = "mocap6_labels", 10
 class CmuTrials:
     """CMU trials on disk and HumanML3D's annotations of them."""
 
-    paths: Mapping[str, Path]
-    """File of each trial, by name (`05_18`)."""
-    rates: Mapping[str, float]
-    """Frame rates that differ from the known ones."""
+    paths: Mapping[str, Path]  # File of each trial, by name (`05_18`).
+    rates: Mapping[str, float]  # Frame rates that differ from the known ones.
+    # HumanML3D's clips of each trial, also of trials that are not on disk.
     rows: Mapping[str, Sequence[IndexRow]]
-    """HumanML3D's clips of each trial, also of trials that are not on disk."""
-    splits: Mapping[str, Split]
-    """Split of each id."""
-    texts: Mapping[str, str]
-    """Caption file of each id."""
+    splits: Mapping[str, Split]  # Split of each id.
+    texts: Mapping[str, str]  # Caption file of each id.
+    # Labeled stretches of a few trials: first frame, one past the last, what the person does.
     exercises: Mapping[str, Sequence[tuple[int, int, str]]]
-    """Labeled stretches of a few trials: first frame, one past the last, what the person does."""
 
     @classmethod
     def load(cls, trials: Path, humanml3d: Path, rates: Path | None = None) -> CmuTrials:

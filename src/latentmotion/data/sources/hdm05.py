@@ -48,17 +48,15 @@ _NAME = re.compile(r"HDM_(?P<actor>[a-z]+)_(?P<action>\w+)_(?P<number>\d+)_(?P<f
 class ActionClass:
     """One class of HDM05."""
 
-    mirrored: str
-    """Label of its mirror image, as HDM05 names or would name it."""
-    sentences: tuple[str, ...]
-    """Captions that an observer would write."""
+    mirrored: str  # Label of its mirror image, as HDM05 names or would name it.
+    sentences: tuple[str, ...]  # Captions that an observer would write.
 
 
+# The classes whose clips are known to be here; clips of other classes get their label only.
 CLASSES = {
     name: ActionClass(row.get("mirrored", name), tuple(row["sentences"]))
     for name, row in LABELS["hdm05"].items()
 }
-"""The classes whose clips are known to be here; clips of other classes get their label only."""
 
 
 def hdm05_groups(folder: Path, size: int | None = None) -> list[FileGroup]:

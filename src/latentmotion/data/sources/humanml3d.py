@@ -71,14 +71,10 @@ _COLUMNS = ("source_path", "start_frame", "end_frame", "new_name")
 class IndexRow:
     """One clip of HumanML3D."""
 
-    id: str
-    """Its name there."""
-    path: str
-    """The recording, as HumanML3D calls it."""
-    start: int
-    """First frame at 20 fps."""
-    end: int
-    """One past the last frame at 20 fps; -1 means to the end."""
+    id: str  # Its name there.
+    path: str  # The recording, as HumanML3D calls it.
+    start: int  # First frame at 20 fps.
+    end: int  # One past the last frame at 20 fps; -1 means to the end.
 
 
 def read_index(folder: Path) -> tuple[IndexRow, ...]:

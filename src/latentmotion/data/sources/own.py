@@ -101,26 +101,22 @@ class _Annotations:
 class OwnMotions:
     """A folder of motion files and how to read them."""
 
-    folder: Path
-    """Folder of the files, in any nesting."""
-    source: Source
-    """Origin and terms to record."""
+    folder: Path  # Folder of the files, in any nesting.
+    source: Source  # Origin and terms to record.
+    # A CSV, BABEL's JSON, or a folder of `.txt` files by the paths of the motions; without it they
+    # are beside the motions.
     captions: Path | None = None
-    """A CSV, BABEL's JSON, or a folder of `.txt` files by the paths of the motions; without it they
-    are beside the motions."""
+    # Unit, up axis, frame rate and joint maps of all files, where these say them wrongly or not at
+    # all; by default found for each by itself.
     stated: Stated | None = None
-    """Unit, up axis, frame rate and joint maps of all files, where these say them wrongly or not at
-    all; by default found for each by itself."""
+    # Fraction of the files that goes to the val split, unless the CSV says otherwise.
     val: float = 0.05
-    """Fraction of the files that goes to the val split, unless the CSV says otherwise."""
+    # Fraction of the files that goes to the test split, unless the CSV says otherwise.
     test: float = 0.05
-    """Fraction of the files that goes to the test split, unless the CSV says otherwise."""
-    labelled: bool = False
-    """Whether the name of a file's folder is its action."""
+    labelled: bool = False  # Whether the name of a file's folder is its action.
+    # Whether fingers are kept as further joints; files without their poses are left out then.
     hands: bool = False
-    """Whether fingers are kept as further joints; files without their poses are left out then."""
-    generated: bool = True
-    """Whether NPZ files of motions that a model generated count, too."""
+    generated: bool = True  # Whether NPZ files of motions that a model generated count, too.
 
     def recordings(self) -> Iterator[Recording | Dropped]:
         """Yields every motion file.
@@ -460,14 +456,10 @@ _MOVED = 1e-3
 class WholeBody(NamedTuple):
     """Poses of body, hands and face, as rotation vectors in the axes of their file."""
 
-    body: Float[np.ndarray, "frames 22 3"]
-    """Of HumanML3D's joints."""
-    hands: Float[np.ndarray, "frames 30 3"] | None
-    """None if they rest."""
-    face_moves: bool
-    """Whether jaw, eyes or expression move, which are never kept."""
-    z_up: bool
-    """Whether z is up, else y."""
+    body: Float[np.ndarray, "frames 22 3"]  # Of HumanML3D's joints.
+    hands: Float[np.ndarray, "frames 30 3"] | None  # None if they rest.
+    face_moves: bool  # Whether jaw, eyes or expression move, which are never kept.
+    z_up: bool  # Whether z is up, else y.
 
     def joints(self, motion: Motion) -> Float[np.ndarray, "frames 52 3"]:
         """Returns positions of body and fingers, meters, y up.

@@ -55,13 +55,12 @@ SNU = Source(
     url="https://github.com/snumrl",
 )
 
-STILL = 0.3
-"""Speed below which nothing moves in a take, not even a hand, m/s."""
+STILL = 0.3  # Speed below which nothing moves in a take, not even a hand, m/s.
+# Meters by which two files of one take may differ on average; skeletons differ in the head.
 SAME = 0.04
-"""Meters by which two files of one take may differ on average; skeletons differ in the head."""
 
+# Frames between labeled spans of one group, taken before and after it, and of the shortest one.
 GAP, MARGIN, SHORTEST_GROUP = 12, 4, 24
-"""Frames between labeled spans of one group, taken before and after it, and of the shortest one."""
 
 _MOST_ACTIONS = 4
 
@@ -76,13 +75,10 @@ Joints = Float[np.ndarray, "frames joints 3"]
 class LabeledSpan:
     """One labeled stretch of a take."""
 
-    start: int
-    """First frame."""
-    end: int
-    """One past the last frame."""
+    start: int  # First frame.
+    end: int  # One past the last frame.
+    # What the person does, in the annotators' word, such as `shoot`; `'` means it is done to them.
     action: str
-    """What the person does, in the annotators' word, such as `shoot`; `'` means it is done to
-    them."""
 
     def resampled(self, ratio: float) -> LabeledSpan:
         """Returns the same stretch at `ratio` times as many frames per second."""
@@ -93,24 +89,18 @@ class LabeledSpan:
 class Group:
     """Labeled stretches that follow each other closely."""
 
-    start: int
-    """First frame."""
-    end: int
-    """One past the last frame."""
-    actions: tuple[str, ...]
-    """What the person does, in order."""
+    start: int  # First frame.
+    end: int  # One past the last frame.
+    actions: tuple[str, ...]  # What the person does, in order.
 
 
 @dataclass(frozen=True)
 class Naming:
     """One kind of file name and its sentences."""
 
-    pattern: re.Pattern[str]
-    """Pattern of the whole name; its groups fill `{side}` and the like."""
-    needs: str
-    """Evidence that a piece must show, as `shows` takes it."""
-    sentences: tuple[str, ...]
-    """Captions."""
+    pattern: re.Pattern[str]  # Pattern of the whole name; its groups fill `{side}` and the like.
+    needs: str  # Evidence that a piece must show, as `shows` takes it.
+    sentences: tuple[str, ...]  # Captions.
 
 
 def snu_recordings(folder: Path) -> Iterator[Recording | Dropped]:
@@ -329,20 +319,16 @@ def _pieces_of_take(
     yield from touching(clips)
 
 
-VAL, TEST = 0.05, 0.10
-"""Fractions of the recordings that are held out where no list names them."""
+VAL, TEST = 0.05, 0.10  # Fractions of the recordings that are held out where no list names them.
 
 
 @dataclass(frozen=True)
 class HeldOut:
     """One clip that never trains."""
 
-    source: str
-    """Name of its source."""
-    split: Split
-    """`val` or `test`."""
-    frames: int
-    """Its length in joints, one more than in features."""
+    source: str  # Name of its source.
+    split: Split  # `val` or `test`.
+    frames: int  # Its length in joints, one more than in features.
 
 
 @cache
@@ -447,6 +433,7 @@ def _halts(joints: Joints) -> bool:
     return len(stops) > 0 and bool(walking[: stops[0]].any() and walking[stops[-1] :].any())
 
 
+# Names and their thresholds: m/s, meters, degrees; heights relative to the legs' length.
 EVIDENCE: Mapping[str, Callable[[Joints], bool]] = {
     "moves": lambda j: bool((_path_speed(j) > 0.3).mean() > 0.5),
     "stays": lambda j: bool((_path_speed(j) > 0.3).mean() < 0.3),
@@ -479,4 +466,3 @@ EVIDENCE: Mapping[str, Callable[[Joints], bool]] = {
     "turns_right": lambda j: _turn(j) < -30,
     "halts": _halts,
 }
-"""Names and their thresholds: m/s, meters, degrees; heights relative to the legs' length."""

@@ -96,18 +96,12 @@ class ActionNetwork(nn.Module, ABC):
 class TemporalClassifierConfig:
     """Sizes of a `TemporalClassifier`."""
 
-    features: int = 263
-    """Numbers per frame; taken from the data in training."""
-    labels: int = 0
-    """Actions; taken from the data in training."""
-    channels: int = 96
-    """Channels of the convolutions."""
-    dilations: tuple[int, ...] = (1, 3, 9)
-    """Dilation of each residual block."""
-    width: int = 30
-    """Width of the last hidden layer, as in the authors' classifier of HumanAct12."""
-    dropout: float = 0.2
-    """Part of the channels that is dropped in training."""
+    features: int = 263  # Numbers per frame; taken from the data in training.
+    labels: int = 0  # Actions; taken from the data in training.
+    channels: int = 96  # Channels of the convolutions.
+    dilations: tuple[int, ...] = (1, 3, 9)  # Dilation of each residual block.
+    width: int = 30  # Width of the last hidden layer, as in the authors' classifier of HumanAct12.
+    dropout: float = 0.2  # Part of the channels that is dropped in training.
 
     def build(self) -> TemporalClassifier:
         """Builds the network with fresh weights."""
@@ -149,16 +143,11 @@ class TemporalClassifier(ActionNetwork):
 class MotionGRUConfig:
     """Sizes of a `MotionGRU`."""
 
-    joints: int = 24
-    """Joints a frame."""
-    labels: int = 12
-    """Actions."""
-    hidden: int = 128
-    """Width of the GRU."""
-    layers: int = 2
-    """Its layers."""
-    width: int = 30
-    """Width of the last hidden layer."""
+    joints: int = 24  # Joints a frame.
+    labels: int = 12  # Actions.
+    hidden: int = 128  # Width of the GRU.
+    layers: int = 2  # Its layers.
+    width: int = 30  # Width of the last hidden layer.
 
     def build(self) -> MotionGRU:
         """Builds the network with fresh weights."""
@@ -213,27 +202,23 @@ class DrawnState(ActionNetwork):
         return self.network.classify(features)
 
 
+# Parents of SMPL's 24 joints: HumanML3D's 22 and the hands.
 SMPL_PARENTS = (
     *(-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8),
     *(9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21),
 )
-"""Parents of SMPL's 24 joints: HumanML3D's 22 and the hands."""
 
 
 @dataclass(frozen=True)
 class GraphNetworkConfig:
     """Sizes of a `GraphNetwork`."""
 
-    labels: int = 40
-    """Actions."""
-    channels: int = 6
-    """Numbers per joint."""
-    parents: tuple[int, ...] = SMPL_PARENTS
-    """The skeleton."""
+    labels: int = 40  # Actions.
+    channels: int = 6  # Numbers per joint.
+    parents: tuple[int, ...] = SMPL_PARENTS  # The skeleton.
+    # Channels after each block; the frame rate is halved where they grow.
     widths: tuple[int, ...] = (64, 64, 64, 64, 128, 128, 128, 256, 256, 256)
-    """Channels after each block; the frame rate is halved where they grow."""
-    kernel: int = 9
-    """Frames that a block's convolution over time sees."""
+    kernel: int = 9  # Frames that a block's convolution over time sees.
 
     def build(self) -> GraphNetwork:
         """Builds the network with fresh weights."""
@@ -346,30 +331,24 @@ def neighborhoods(parents: Sequence[int]) -> Float[np.ndarray, "3 joints joints"
     return np.stack([share * part for part in (np.eye(joints), beside, nearer)])
 
 
-MAX_BATCH_SIZE = 64
-"""Most motions that go through a network at once."""
+MAX_BATCH_SIZE = 64  # Most motions that go through a network at once.
 
+# Numbers per joint of the representation "smpl", whose index is channel · 25 + joint.
 ROTATION_CHANNELS = 6
-"""Numbers per joint of the representation "smpl", whose index is channel · 25 + joint."""
 
+# Features (frames, features) in their own units to the input of a network, frames first.
 Preparation = Callable[[np.ndarray], np.ndarray]
-"""Features (frames, features) in their own units to the input of a network, frames first."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recognizer:
     """An `ActionEvaluator`: a network, and the preparation of its input."""
 
-    labels: tuple[str, ...]
-    """Labels in the order of the logits."""
-    fingerprint: str
-    """Hash of weights and description."""
-    network: ActionNetwork
-    """The classifier, in `eval()` mode."""
-    prepare: Preparation
-    """Features to the network's input."""
-    width: int
-    """Features per frame that `prepare` takes."""
+    labels: tuple[str, ...]  # Labels in the order of the logits.
+    fingerprint: str  # Hash of weights and description.
+    network: ActionNetwork  # The classifier, in `eval()` mode.
+    prepare: Preparation  # Features to the network's input.
+    width: int  # Features per frame that `prepare` takes.
 
     def __call__(self, features: Sequence[Float[np.ndarray, "_ _"]]) -> Recognition:
         """Recognizes motions, given in their own units; lengths may differ.
@@ -422,22 +401,16 @@ def drawing_states(recognizer: Recognizer, noise: np.random.Generator) -> Recogn
 class ActionClassifier:
     """Content of the `evaluator.json` of an action classifier."""
 
-    labels: tuple[str, ...]
-    """Labels in the order of the logits."""
-    representation: str
-    """Name of the motion features."""
+    labels: tuple[str, ...]  # Labels in the order of the logits.
+    representation: str  # Name of the motion features.
+    # Kind and sizes of the network.
     network: MotionGRUConfig | GraphNetworkConfig | TemporalClassifierConfig
-    """Kind and sizes of the network."""
+    # Mean of the features; only our own network takes normalized ones.
     mean: tuple[float, ...] = ()
-    """Mean of the features; only our own network takes normalized ones."""
-    std: tuple[float, ...] = ()
-    """Standard deviation of the features."""
-    origin: str = ""
-    """Training data, or the file that it was converted from."""
-    license: str = ""
-    """License of its weights."""
-    figures: dict[str, float] = field(default_factory=dict)
-    """Accuracies by split."""
+    std: tuple[float, ...] = ()  # Standard deviation of the features.
+    origin: str = ""  # Training data, or the file that it was converted from.
+    license: str = ""  # License of its weights.
+    figures: dict[str, float] = field(default_factory=dict)  # Accuracies by split.
 
 
 def save_action_classifier(

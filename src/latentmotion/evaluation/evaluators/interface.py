@@ -22,19 +22,17 @@ from latentmotion.ranking.scorer import CARD_FILE as SCORER_FILE
 from latentmotion.ranking.scorer import Scorer
 from latentmotion.storage.reading import read_json_file
 
-EVALUATOR_FILE = "evaluator.json"
-"""File that makes a folder an evaluator."""
+EVALUATOR_FILE = "evaluator.json"  # File that makes a folder an evaluator.
 
 WEIGHTS_FILE = "weights.safetensors"
 
-SCORER = Path("scorer")
-"""Name of the scorer that ships, among the models."""
+SCORER = Path("scorer")  # Name of the scorer that ships, among the models.
 
+# `module:function` of this package that reads a folder, by kind.
 LOADERS = {
     "text_motion": "text_motion:load_text_motion",
     "action": "action:load_action_classifier",
 }
-"""`module:function` of this package that reads a folder, by kind."""
 
 
 @runtime_checkable
@@ -66,10 +64,8 @@ class TextMotionEvaluator(Protocol):
 class Recognition:
     """Output of an action classifier."""
 
-    features: Float[np.ndarray, "items width"]
-    """The last hidden layer, which FID compares."""
-    logits: Float[np.ndarray, "items labels"]
-    """Logits of the labels."""
+    features: Float[np.ndarray, "items width"]  # The last hidden layer, which FID compares.
+    logits: Float[np.ndarray, "items labels"]  # Logits of the labels.
 
 
 @runtime_checkable
@@ -91,8 +87,7 @@ class ActionEvaluator(Protocol):
         ...
 
 
-Evaluator = TextMotionEvaluator | ActionEvaluator
-"""An evaluator of either kind."""
+Evaluator = TextMotionEvaluator | ActionEvaluator  # An evaluator of either kind.
 
 
 @dataclass(frozen=True)
@@ -102,8 +97,7 @@ class ScorerEvaluator:
     A scorer that chose among a model's takes, or that a model was trained by, is no judge of it.
     """
 
-    scorer: Scorer
-    """The towers."""
+    scorer: Scorer  # The towers.
 
     @property
     def width(self) -> int:

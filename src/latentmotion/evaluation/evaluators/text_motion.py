@@ -47,52 +47,37 @@ from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import atomic_folder
 from latentmotion.text.encoder import StudentTextEncoder
 
-FORMAT = 1
-"""Version of evaluator.json."""
+FORMAT = 1  # Version of evaluator.json.
 
-MAX_BATCH_SIZE = 64
-"""Most motions or captions that go through a network at once."""
+MAX_BATCH_SIZE = 64  # Most motions or captions that go through a network at once.
 
+# Names in the weights file of the values that are not weights.
 MEAN, STD, WORDS = "normalizer.mean", "normalizer.std", "words.vectors"
-"""Names in the weights file of the values that are not weights."""
 
 
 @dataclass(frozen=True)
 class TextMotionCard:
     """Content of `evaluator.json`."""
 
-    name: str
-    """Name of the evaluator."""
-    representation: str
-    """Name of the motion features."""
-    networks: TextMotionConfig | TowerConfig
-    """Sizes of the networks."""
-    words: str
-    """Source of word vectors: `glove`, or the name of a text encoder."""
-    vocabulary: tuple[str, ...] = ()
-    """Words that have vectors; empty if a text encoder gives them."""
-    provenance: Provenance = field(default_factory=Provenance)
-    """Origin of the weights."""
-    figures: dict[str, Any] = field(default_factory=dict)
-    """Measured figures, by name."""
-    kind: Literal["text_motion"] = "text_motion"
-    """Kind of evaluator."""
-    format: int = FORMAT
-    """Version of this file."""
+    name: str  # Name of the evaluator.
+    representation: str  # Name of the motion features.
+    networks: TextMotionConfig | TowerConfig  # Sizes of the networks.
+    words: str  # Source of word vectors: `glove`, or the name of a text encoder.
+    vocabulary: tuple[str, ...] = ()  # Words that have vectors; empty if a text encoder gives them.
+    provenance: Provenance = field(default_factory=Provenance)  # Origin of the weights.
+    figures: dict[str, Any] = field(default_factory=dict)  # Measured figures, by name.
+    kind: Literal["text_motion"] = "text_motion"  # Kind of evaluator.
+    format: int = FORMAT  # Version of this file.
 
 
 @dataclass(frozen=True, eq=False)
 class T2MEvaluator:
     """Motions and captions to embeddings in one space; a `TextMotionEvaluator`."""
 
-    card: TextMotionCard
-    """The evaluator's card."""
-    networks: TextMotionNetworks | TowerNetworks
-    """The networks, in `eval()` mode."""
-    normalizer: Normalizer
-    """The evaluator's own statistics, which differ from the data set's."""
-    vectors: WordVectors
-    """Captions to word vectors."""
+    card: TextMotionCard  # The evaluator's card.
+    networks: TextMotionNetworks | TowerNetworks  # The networks, in `eval()` mode.
+    normalizer: Normalizer  # The evaluator's own statistics, which differ from the data set's.
+    vectors: WordVectors  # Captions to word vectors.
 
     @property
     def width(self) -> int:

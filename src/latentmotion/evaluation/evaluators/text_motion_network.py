@@ -32,30 +32,21 @@ from torch.nn.utils.rnn import pack_padded_sequence
 from latentmotion.evaluation.evaluators.words import PARTS_OF_SPEECH
 from latentmotion.networks import transformer
 
-FRAMES = 4
-"""Frames of a movement."""
+FRAMES = 4  # Frames of a movement.
 
 
 @dataclass(frozen=True)
 class TextMotionConfig:
     """Sizes; the defaults are the official ones for HumanML3D."""
 
-    features: int = 263
-    """Features of a frame."""
-    left_out: int = 4
-    """Last features of a frame that are ignored: the foot contacts."""
-    word_width: int = 300
-    """Numbers per word vector."""
-    movement_width: int = 512
-    """Channels of the convolutions, numbers per movement."""
-    motion_hidden: int = 1024
-    """State of the GRU over movements, in each direction."""
-    text_hidden: int = 512
-    """State of the GRU over words, in each direction."""
-    width: int = 512
-    """Numbers per motion and per sentence."""
-    dropout: float = 0.2
-    """Share of movement channels dropped in training."""
+    features: int = 263  # Features of a frame.
+    left_out: int = 4  # Last features of a frame that are ignored: the foot contacts.
+    word_width: int = 300  # Numbers per word vector.
+    movement_width: int = 512  # Channels of the convolutions, numbers per movement.
+    motion_hidden: int = 1024  # State of the GRU over movements, in each direction.
+    text_hidden: int = 512  # State of the GRU over words, in each direction.
+    width: int = 512  # Numbers per motion and per sentence.
+    dropout: float = 0.2  # Share of movement channels dropped in training.
 
     def build(self) -> TextMotionNetworks:
         """Returns the networks with random weights."""
@@ -177,8 +168,7 @@ _NEVER = -1e9
 class InfoNCE:
     """Each sentence is distinguished from all other motions of the batch, and vice versa."""
 
-    temperature: float = 10.0
-    """Squared distance that counts as one unit of evidence."""
+    temperature: float = 10.0  # Squared distance that counts as one unit of evidence.
 
     def __call__(
         self,
@@ -196,8 +186,7 @@ class InfoNCE:
 class Margin:
     """Each sentence is pulled to its motion and pushed from the next one of the batch."""
 
-    margin: float = 10.0
-    """Distance from which on other motions are far enough."""
+    margin: float = 10.0  # Distance from which on other motions are far enough.
 
     def __call__(
         self,
@@ -237,26 +226,17 @@ def top_hits(
 class TowerConfig:
     """Sizes of the towers."""
 
-    features: int = 263
-    """Features of a frame."""
-    left_out: int = 4
-    """Last features of a frame that are ignored: the foot contacts."""
+    features: int = 263  # Features of a frame.
+    left_out: int = 4  # Last features of a frame that are ignored: the foot contacts.
+    # First and one past the last feature of the rotations, which are ignored.
     rotations: tuple[int, int] = (67, 193)
-    """First and one past the last feature of the rotations, which are ignored."""
-    word_width: int = 384
-    """Numbers per word vector."""
-    hidden: int = 128
-    """Numbers per token inside."""
-    motion_layers: int = 2
-    """Transformer layers over tokens of four frames."""
-    text_layers: int = 2
-    """Transformer layers over words."""
-    heads: int = 4
-    """Attention heads."""
-    width: int = 128
-    """Numbers per motion and per sentence."""
-    dropout: float = 0.1
-    """Share of numbers dropped in training."""
+    word_width: int = 384  # Numbers per word vector.
+    hidden: int = 128  # Numbers per token inside.
+    motion_layers: int = 2  # Transformer layers over tokens of four frames.
+    text_layers: int = 2  # Transformer layers over words.
+    heads: int = 4  # Attention heads.
+    width: int = 128  # Numbers per motion and per sentence.
+    dropout: float = 0.1  # Share of numbers dropped in training.
 
     def build(self) -> TowerNetworks:
         """Returns the networks with random weights."""

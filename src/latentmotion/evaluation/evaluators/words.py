@@ -26,12 +26,11 @@ from latentmotion.storage import pickles
 from latentmotion.storage.array_files import read_array
 from latentmotion.text.encoder import silent_of_unknown
 
-MAX_WORDS = 20
-"""Most words of a sentence."""
+MAX_WORDS = 20  # Most words of a sentence.
 
-OTHER = "OTHER"
-"""Part of speech of words that have none."""
+OTHER = "OTHER"  # Part of speech of words that have none.
 
+# Keywords by their class.
 KEYWORDS = {
     "Loc_VIP": "left right clockwise counterclockwise anticlockwise forward back backward up down "
     "straight curve",
@@ -42,14 +41,13 @@ KEYWORDS = {
     "spin spread climb",
     "Desc_VIP": "slowly carefully fast careful slow quickly happy angry sad happily angrily sadly",
 }
-"""Keywords by their class."""
 
+# All classes, in the order of the network's input.
 PARTS_OF_SPEECH = (
     *("VERB", "NOUN", "DET", "ADP", "NUM", "AUX", "PRON", "ADJ", "ADV"),
     *KEYWORDS,
     OTHER,
 )
-"""All classes, in the order of the network's input."""
 
 _CLASS_OF = {word: name for name, words in KEYWORDS.items() for word in words.split()}
 
@@ -61,12 +59,10 @@ _ENDINGS = (("s", ""), ("es", ""), ("ies", "y"), ("ing", ""), ("ing", "e"), ("ed
 class TaggedWord:
     """A word with its part of speech."""
 
-    word: str
-    """Lower case; the base form if it was tagged."""
-    part: str
-    """Part of speech, as spaCy names it."""
+    word: str  # Lower case; the base form if it was tagged.
+    part: str  # Part of speech, as spaCy names it.
+    # Whether the tags come from the data set; else the sentence was split here.
     tagged: bool = True
-    """Whether the tags come from the data set; else the sentence was split here."""
 
 
 START, END = TaggedWord("sos", OTHER), TaggedWord("eos", OTHER)
@@ -104,20 +100,16 @@ def base_forms(word: str) -> list[str]:
     return forms
 
 
-UNKNOWN = "unk"
-"""Word that stands for all words without a vector."""
+UNKNOWN = "unk"  # Word that stands for all words without a vector.
 
 
 @dataclass(frozen=True)
 class Sentences:
     """Input of the sentence network."""
 
-    words: Float[np.ndarray, "batch words width"]
-    """One vector per word, zero in the padding."""
-    parts: Int[np.ndarray, "batch words"]
-    """Index of each word's part of speech."""
-    mask: Bool[np.ndarray, "batch words"]
-    """True on real words."""
+    words: Float[np.ndarray, "batch words width"]  # One vector per word, zero in the padding.
+    parts: Int[np.ndarray, "batch words"]  # Index of each word's part of speech.
+    mask: Bool[np.ndarray, "batch words"]  # True on real words.
 
 
 @runtime_checkable
@@ -143,10 +135,8 @@ class WordVectors(Protocol):
 class GloveWords:
     """A table of word vectors, as in the T2M evaluator, with `unk`, `sos` and `eos`."""
 
-    words: tuple[str, ...]
-    """The words."""
-    vectors: Float[np.ndarray, "words width"]
-    """The vector of each."""
+    words: tuple[str, ...]  # The words.
+    vectors: Float[np.ndarray, "words width"]  # The vector of each.
 
     @property
     def name(self) -> str:
@@ -183,8 +173,7 @@ class GloveWords:
 class EncodedWords:
     """States of a text encoder's word pieces in their sentence; no parts of speech."""
 
-    encoder: TextEncoder
-    """Sentences to states."""
+    encoder: TextEncoder  # Sentences to states.
 
     @property
     def name(self) -> str:
@@ -217,8 +206,8 @@ def fill(
     return Sentences(words, classes, mask)
 
 
+# Files of the T2M code's `glove` folder: vectors, words, and the row of each word.
 VECTORS, WORDS, NUMBERS = "our_vab_data.npy", "our_vab_words.pkl", "our_vab_idx.pkl"
-"""Files of the T2M code's `glove` folder: vectors, words, and the row of each word."""
 
 
 def read_glove(folder: str | Path) -> GloveWords:

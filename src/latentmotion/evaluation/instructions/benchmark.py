@@ -46,12 +46,9 @@ _NEGATED = re.compile(r"\b(without|not|no|doesn't|never|or|as if|like)\b")
 class Pattern:
     """A claim that captions can make."""
 
-    group: str
-    """Its group of instructions."""
-    words: re.Pattern[str]
-    """Expression in a lower-case caption."""
-    check: Check
-    """Check of the motion."""
+    group: str  # Its group of instructions.
+    words: re.Pattern[str]  # Expression in a lower-case caption.
+    check: Check  # Check of the motion.
 
     def is_in(self, text: str) -> bool:
         """Returns whether a caption makes the claim; one of both sides claims no single side."""
@@ -65,16 +62,11 @@ class Pattern:
 class CaptionClaim:
     """A real motion with a claim of its caption."""
 
-    clip: str
-    """Name of the clip, or its label if the label makes the claim."""
-    caption: str
-    """The caption, or the clip's name if the label makes the claim."""
-    group: str
-    """Group of the claim."""
-    check: Check
-    """Check of the motion."""
-    joints: Joints
-    """The motion."""
+    clip: str  # Name of the clip, or its label if the label makes the claim.
+    caption: str  # The caption, or the clip's name if the label makes the claim.
+    group: str  # Group of the claim.
+    check: Check  # Check of the motion.
+    joints: Joints  # The motion.
 
 
 def patterns(of: Literal["captions", "labels"]) -> tuple[Pattern, ...]:
@@ -147,32 +139,23 @@ def caption_claims(
                 yield CaptionClaim(clip.id, caption.text, pattern.group, pattern.check, part)
 
 
-VERSION = 2
-"""Version of prompts and checks; figures of different versions do not compare."""
+VERSION = 2  # Version of prompts and checks; figures of different versions do not compare.
 
-OVERALL = "overall"
-"""Name of all groups together."""
+OVERALL = "overall"  # Name of all groups together.
 
-Z = 1.959964
-"""Standard normal quantile of 95 % intervals."""
+Z = 1.959964  # Standard normal quantile of 95 % intervals.
 
 
 @dataclass(frozen=True)
 class Share:
     """Share of motions that fulfill their prompts."""
 
-    share: float
-    """Share of all motions, 0 to 1."""
-    low: float
-    """Lower end of the 95 % interval."""
-    high: float
-    """Upper end of the 95 % interval."""
-    motions: int
-    """Number of motions."""
-    prompts: int
-    """Number of prompts, or of clips."""
-    ever: float
-    """Share of prompts with at least one motion that fulfills them."""
+    share: float  # Share of all motions, 0 to 1.
+    low: float  # Lower end of the 95 % interval.
+    high: float  # Upper end of the 95 % interval.
+    motions: int  # Number of motions.
+    prompts: int  # Number of prompts, or of clips.
+    ever: float  # Share of prompts with at least one motion that fulfills them.
 
     @classmethod
     def of(cls, verdicts: Sequence[Sequence[bool]]) -> Share:
@@ -216,43 +199,32 @@ def effective_size(rows: Sequence[Bool[np.ndarray, " _"]]) -> float:
 class Outcome:
     """One prompt with the results of its takes."""
 
-    id: str
-    """Name of the prompt."""
-    group: str
-    """Its group."""
-    prompt: str
-    """The sentence."""
-    check: str
-    """The check, as text."""
-    fulfilled: tuple[bool, ...]
-    """Whether each take fulfills it."""
-    seconds: tuple[float, ...]
-    """Length of each take."""
+    id: str  # Name of the prompt.
+    group: str  # Its group.
+    prompt: str  # The sentence.
+    check: str  # The check, as text.
+    fulfilled: tuple[bool, ...]  # Whether each take fulfills it.
+    seconds: tuple[float, ...]  # Length of each take.
 
 
 @dataclass(frozen=True)
 class Benchmark:
     """Results of the benchmark."""
 
-    subject: str
-    """Name of the model, or of the folder of motions."""
-    about: Mapping[str, str]
-    """Settings of the motions."""
-    model: Mapping[str, Share]
-    """Figures by group."""
+    subject: str  # Name of the model, or of the folder of motions.
+    about: Mapping[str, str]  # Settings of the motions.
+    model: Mapping[str, Share]  # Figures by group.
+    # Figures of the same motions with the checks of other groups' prompts.
     chance: Mapping[str, Share]
-    """Figures of the same motions with the checks of other groups' prompts."""
+    # Figures of real motions whose captions claim the same; empty without data.
     real: Mapping[str, Share]
-    """Figures of real motions whose captions claim the same; empty without data."""
+    # Figures of the same motions by the checks that trainings and rankings learn from, which are no
+    # measure of them; empty where none are given.
     trained: Mapping[str, Share]
-    """Figures of the same motions by the checks that trainings and rankings learn from, which
-    are no measure of them; empty where none are given."""
-    outcomes: tuple[Outcome, ...]
-    """All prompts."""
+    outcomes: tuple[Outcome, ...]  # All prompts.
+    # All claims of real motions: `id` is the clip, `prompt` the caption.
     real_outcomes: tuple[Outcome, ...] = field(default=())
-    """All claims of real motions: `id` is the clip, `prompt` the caption."""
-    version: int = VERSION
-    """Version of the list of prompts."""
+    version: int = VERSION  # Version of the list of prompts.
 
 
 def judge(

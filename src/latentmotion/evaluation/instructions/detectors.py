@@ -18,8 +18,7 @@ from latentmotion.data.instructions import Check, Term
 from latentmotion.errors import InputError, hint
 from latentmotion.plugins import entries
 
-FPS = 20.0
-"""Frames per second of all motions."""
+FPS = 20.0  # Frames per second of all motions.
 
 LEFT, RIGHT = "left", "right"
 
@@ -28,8 +27,7 @@ _SHOULDERS, _ELBOWS, _WRISTS = (16, 17), (18, 19), (20, 21)
 _PELVIS, _NECK, _HEAD = 0, 12, 15
 
 Curve = Float[np.ndarray, " frames"]
-Span = tuple[int, int]
-"""First frame of an event, and one past its last."""
+Span = tuple[int, int]  # First frame of an event, and one past its last.
 
 
 class Body:
@@ -216,11 +214,10 @@ def swings(curve: Curve, low: float, high: float) -> list[Span]:
     return intervals if start is None else [*intervals, (start, len(curve))]
 
 
+# Motion and side (`left`, `right`, `both` or `any`) to where the act happens.
 Detector = Callable[[Body, str], list[Span]]
-"""Motion and side (`left`, `right`, `both` or `any`) to where the act happens."""
 
-ConditionTest = Callable[[Body, Term], bool]
-"""Whether a condition holds for a motion."""
+ConditionTest = Callable[[Body, Term], bool]  # Whether a condition holds for a motion.
 
 # Units in all detectors: lengths in meters, speeds in m/s, times in seconds, angles in degrees,
 # heights of the pelvis as shares of a standing body's. Pairs such as (-0.1, 0.08) are the lower and
@@ -228,6 +225,7 @@ ConditionTest = Callable[[Body, Term], bool]
 _OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 
 
+# Acts by name; those of more than an expression register themselves below.
 ACTS: dict[str, Detector] = {
     # Depth of the pelvis below standing, as a share; pitch of the trunk; distance of the wrists.
     "squat": lambda body, side: swings(1 - body.height, 0.12, 0.25),
@@ -243,8 +241,8 @@ ACTS: dict[str, Detector] = {
     "reach_floor": lambda body, side: spans(body.hands_low < 0.35, 0.1),
     "on_hips": lambda body, side: spans(body.hands_from_hips < 0.24, 0.4, 0.1),
 }
-"""Acts by name; those of more than an expression register themselves below."""
 
+# Conditions on a whole motion, by name; others register themselves below.
 CONDITIONS: dict[str, ConditionTest] = {
     "way": lambda body, term: body.way >= term.numbers[0],
     "stays": lambda body, term: body.away <= term.numbers[0],
@@ -255,7 +253,6 @@ CONDITIONS: dict[str, ConditionTest] = {
         np.mean((body.speed < 0.2) & (body.busy < 0.6)) > 0.85 and np.ptp(body.heading) < 0.5
     ),
 }
-"""Conditions on a whole motion, by name; others register themselves below."""
 
 
 def _act(name: str, of_sides: bool = False) -> Callable[[Detector], Detector]:
@@ -268,8 +265,7 @@ def _act(name: str, of_sides: bool = False) -> Callable[[Detector], Detector]:
     return register
 
 
-_condition = entries(CONDITIONS)
-"""Registers a condition."""
+_condition = entries(CONDITIONS)  # Registers a condition.
 
 
 def fulfills(body: Body, check: Check) -> bool:

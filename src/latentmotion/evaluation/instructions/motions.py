@@ -30,26 +30,21 @@ from latentmotion.storage.limits import FARTHEST
 
 Joints = Float[np.ndarray, "_ 22 3"]
 
-MAX_FRAMES = 200_000
-"""Most frames of a file."""
+MAX_FRAMES = 200_000  # Most frames of a file.
 
-MIN_FRAMES = 8
-"""Fewest frames of a motion."""
+MIN_FRAMES = 8  # Fewest frames of a motion.
 
-LEG_LENGTHS = (0.4, 1.3)
-"""Shortest and longest plausible leg, meters."""
+LEG_LENGTHS = (0.4, 1.3)  # Shortest and longest plausible leg, meters.
 
 
 @dataclass(frozen=True)
 class GenerationSettings:
     """Settings of the generated motions."""
 
-    takes: int = 5
-    """Motions per prompt."""
-    clean: bool = True
-    """Whether motions are cleaned up, as users get them."""
+    takes: int = 5  # Motions per prompt.
+    clean: bool = True  # Whether motions are cleaned up, as users get them.
+    # Steps, guidance scale and sampler; by default the model's own.
     sampling: Sampling | None = None
-    """Steps, guidance scale and sampler; by default the model's own."""
 
 
 def generate_motions(

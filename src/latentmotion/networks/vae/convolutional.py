@@ -150,8 +150,8 @@ def as_row(mask: Bool[Tensor, "batch steps"]) -> Float[Tensor, "batch 1 steps"]:
     return mask[:, None, :].float()
 
 
+# Bound on the posterior's log variance; a rare motion far off the mean once made it infinite.
 MAX_LOGVAR = 8.0
-"""Bound on the posterior's log variance; a rare motion far off the mean once made it infinite."""
 
 
 class ConvolutionalVAE(MotionVAE):
@@ -229,8 +229,8 @@ class ConvolutionalVAE(MotionVAE):
         return mask[:, ::STRIDE]
 
 
+# Gradient of a layer's output to the gradient of its input, (rows, steps, channels).
 Adjoint = Callable[[Tensor], Tensor]
-"""Gradient of a layer's output to the gradient of its input, (rows, steps, channels)."""
 
 
 class Pullback(nn.Module):

@@ -31,10 +31,8 @@ from latentmotion.kinematics.skeleton import Skeleton
 class Posterior:
     """q(z | motion) = N(mean, exp(logvar))."""
 
-    mean: Float[Tensor, "batch tokens width"]
-    """Mean of each latent number."""
-    logvar: Float[Tensor, "batch tokens width"]
-    """Logarithm of its variance."""
+    mean: Float[Tensor, "batch tokens width"]  # Mean of each latent number.
+    logvar: Float[Tensor, "batch tokens width"]  # Logarithm of its variance.
 
     @property
     def std(self) -> Float[Tensor, "batch tokens width"]:
@@ -70,8 +68,8 @@ class MotionVAE(nn.Module, ABC):
 
     latent_width: int
 
+    # Names of the modules that `decode` runs; what is left makes the latents.
     DECODER_MODULES: ClassVar[tuple[str, ...]] = ("decoder",)
-    """Names of the modules that `decode` runs; what is left makes the latents."""
 
     @abstractmethod
     def encode(
@@ -159,55 +157,47 @@ def mean_of_all(
     return values.mean()
 
 
+# Speed in m/s below which a true foot joint counts as standing; real contacts slide at 0.14.
 STANDING = 0.2
-"""Speed in m/s below which a true foot joint counts as standing; real contacts slide at 0.14."""
 
-AT_REST = 0.12
-"""Mean speed of all joints in m/s below which a body is at rest."""
+AT_REST = 0.12  # Mean speed of all joints in m/s below which a body is at rest.
 
-SPECTRUM_SECONDS = 0.6
-"""Length of the windows whose spectra are compared: a step of a run, a clap."""
+SPECTRUM_SECONDS = 0.6  # Length of the windows whose spectra are compared: a step of a run, a clap.
 
+# Hertz from which spectra are compared; slower movement is known frame by frame.
 SPECTRUM_FROM = 3.0
-"""Hertz from which spectra are compared; slower movement is known frame by frame."""
 
-Mean = Callable[[Tensor, Tensor], Tensor]
-"""Values and the mask of what is real to a number."""
+Mean = Callable[[Tensor, Tensor], Tensor]  # Values and the mask of what is real to a number.
 
 
 @dataclass(frozen=True)
 class VAEObjective:
     """Weights of the losses; the defaults are the authors'."""
 
-    features: float = 1.0
-    """Weight of the distance of normalized features."""
+    features: float = 1.0  # Weight of the distance of normalized features.
+    # Whether that is the squared error, as the paper states, or the authors' smooth L1.
     squared: bool = False
-    """Whether that is the squared error, as the paper states, or the authors' smooth L1."""
-    joints: float = 1.0
-    """Weight of the distance of joints in the world, meters."""
-    velocity: float = 0.0
-    """Weight of the distance of joints' velocities, meters a second."""
+    joints: float = 1.0  # Weight of the distance of joints in the world, meters.
+    velocity: float = 0.0  # Weight of the distance of joints' velocities, meters a second.
+    # Weight of the squared distance of joints' velocities relative to the pelvis, meters a second;
+    # a square weighs what is quick: punches, kicks, waves.
     limbs: float = 0.0
-    """Weight of the squared distance of joints' velocities relative to the pelvis, meters a second;
-    a square weighs what is quick: punches, kicks, waves."""
+    # Weight of the distance of foot velocities, meters a second, where the true foot stands.
     contacts: float = 0.0
-    """Weight of the distance of foot velocities, meters a second, where the true foot stands."""
+    # Weight of the speed of joints, meters a second, where the true body is at rest.
     rest: float = 0.0
-    """Weight of the speed of joints, meters a second, where the true body is at rest."""
+    # Weight of the squared distance of magnitudes of joints' accelerations, meters a second
+    # squared, in each band of frequencies from 3 Hz up.
     spectrum: float = 0.0
-    """Weight of the squared distance of magnitudes of joints' accelerations, meters a second
-    squared, in each band of frequencies from 3 Hz up."""
-    bones: float = 0.0
-    """Weight of the distance of bone lengths, meters."""
-    kl: float = 1e-4
-    """Weight of the Kullback-Leibler divergence from N(0, 1), per latent number."""
+    bones: float = 0.0  # Weight of the distance of bone lengths, meters.
+    kl: float = 1e-4  # Weight of the Kullback-Leibler divergence from N(0, 1), per latent number.
+    # Distance in meters at which the joints' loss changes from quadratic to linear.
     joints_huber_delta: float = 1.0
-    """Distance in meters at which the joints' loss changes from quadratic to linear."""
+    # Weight of the distance of the body's vertices without its way, meters; needs a body.
     vertices: float = 0.0
-    """Weight of the distance of the body's vertices without its way, meters; needs a body."""
+    # Whether means run over padding too, as in the authors' code. Padded features are equal, which
+    # dilutes their mean; padded joints are the mean pose at the motion's last position.
     padded_means: bool = False
-    """Whether means run over padding too, as in the authors' code. Padded features are equal, which
-    dilutes their mean; padded joints are the mean pose at the motion's last position."""
 
     @property
     def mean(self) -> Mean:

@@ -28,8 +28,7 @@ from latentmotion.model.config import LatentSpace, TransformerVAEConfig, VPoserT
 from latentmotion.networks.transformer import decoder_stack, encoder_stack, position
 from latentmotion.networks.vae.interface import MotionVAE, Posterior
 
-STRIDE = 4
-"""Frames that a coarse query of `TwoRateDecoder` stands for."""
+STRIDE = 4  # Frames that a coarse query of `TwoRateDecoder` stands for.
 
 
 class CrossDecoder(nn.Module):
@@ -222,8 +221,7 @@ class TransformerVAE(MotionVAE):
         return mask.new_ones(mask.shape[0], self.tokens)
 
 
-LEAST_DEVIATION = 1e-8
-"""Keeps the logarithm of a vanishing deviation finite."""
+LEAST_DEVIATION = 1e-8  # Keeps the logarithm of a vanishing deviation finite.
 
 
 class VPoserT(MotionVAE):

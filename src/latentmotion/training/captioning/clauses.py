@@ -16,31 +16,25 @@ from itertools import pairwise
 
 from latentmotion.language.words import present_participle, third_person
 
+# Lists of words by name, `patterns`, groups of verbs and phrases.
 TABLE = tomllib.loads(
     files("latentmotion.training.captioning").joinpath("captions.toml").read_text("utf-8")
 )
-"""Lists of words by name, `patterns`, groups of verbs and phrases."""
 
-VERBS = tuple(TABLE["verbs"].split())
-"""Base forms."""
+VERBS = tuple(TABLE["verbs"].split())  # Base forms.
 
-BASE_OF_THIRD = {third_person(verb): verb for verb in VERBS}
-"""Base form by third person."""
+BASE_OF_THIRD = {third_person(verb): verb for verb in VERBS}  # Base form by third person.
 
-BASE_OF_PARTICIPLE = {present_participle(verb): verb for verb in VERBS}
-"""Base form by participle."""
+BASE_OF_PARTICIPLE = {present_participle(verb): verb for verb in VERBS}  # Base form by participle.
 
 
 @dataclass(frozen=True)
 class VerbGroup:
     """Beginnings of clauses, verb first in its base form, that mean the same."""
 
-    phrases: tuple[str, ...]
-    """The beginnings; the first found that fits is replaced by another."""
-    following: str = ""
-    """Pattern of what must follow."""
-    unless: str = ""
-    """Pattern that must not be anywhere in the clause."""
+    phrases: tuple[str, ...]  # The beginnings; the first found that fits is replaced by another.
+    following: str = ""  # Pattern of what must follow.
+    unless: str = ""  # Pattern that must not be anywhere in the clause.
 
 
 def word_set(name: str) -> frozenset[str]:
@@ -53,14 +47,14 @@ def _pattern(text: str) -> str:
     return re.sub(r"\{([a-z]+)\}", lambda match: TABLE["patterns"][match[1]], text)
 
 
+# Beginnings of clauses that mean the same.
 VERB_GROUPS = tuple(
     VerbGroup(tuple(row["phrases"]), _pattern(row.get("following", "")), row.get("unless", ""))
     for row in TABLE["group"]
 )
-"""Beginnings of clauses that mean the same."""
 
+# Patterns inside a clause, verb first in its base form, and what each may become.
 PHRASES = tuple((row["pattern"], tuple(row["choices"])) for row in TABLE["phrase"])
-"""Patterns inside a clause, verb first in its base form, and what each may become."""
 
 _NUMBERS = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 
@@ -83,13 +77,13 @@ def other_number(text: str) -> str:
 
 _WORDS = re.compile(r"[a-z0-9]+(?:['-][a-z0-9]+)*|[,.;]")
 
+# The subject at the start of a sentence.
 SUBJECT = re.compile(
     r"(?:(?:a|an|the|this|one)? ?(?:stick |standing )?"
     r"(?P<noun>person|man|woman|figure|human|guy|boy|girl|character|individual|someone|somebody"
     r"|subject|toon|sim|lady|dude)"
     r"|(?P<pronoun>he|she|they))\b(?!'s)"
 )
-"""The subject at the start of a sentence."""
 
 _GENDER: dict[str, str] = dict.fromkeys(("man", "guy", "boy", "he", "dude"), "male")
 _GENDER |= dict.fromkeys(("woman", "girl", "she", "lady"), "female")
@@ -108,28 +102,21 @@ _FINITE = set(BASE_OF_THIRD) - _PLURALS
 class Clause:
     """One action: its link to the clause before, the verb, and the words around it."""
 
-    link: str
-    """`` for the first, else `and`, `then`, `,` or `.`."""
-    verb: str
-    """Base form."""
-    rest: tuple[str, ...]
-    """Words after the verb."""
-    before: tuple[str, ...] = ()
-    """Adverbs before the verb, `then` left out."""
+    link: str  # `` for the first, else `and`, `then`, `,` or `.`.
+    verb: str  # Base form.
+    rest: tuple[str, ...]  # Words after the verb.
+    before: tuple[str, ...] = ()  # Adverbs before the verb, `then` left out.
 
 
 @dataclass(frozen=True)
 class Sentence:
     """A caption in clauses that share one subject."""
 
-    subject: str
-    """The words of the subject; empty where there is none."""
-    gender: str
-    """`male`, `female` or `neutral`."""
-    clauses: tuple[Clause, ...]
-    """At least one."""
+    subject: str  # The words of the subject; empty where there is none.
+    gender: str  # `male`, `female` or `neutral`.
+    clauses: tuple[Clause, ...]  # At least one.
+    # Whether "he", "she" or "they" stands inside a clause, so that the subject has to stay.
     referring: bool
-    """Whether "he", "she" or "they" stands inside a clause, so that the subject has to stay."""
 
 
 def words_of(text: str) -> list[str] | None:

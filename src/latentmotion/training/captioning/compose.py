@@ -41,34 +41,24 @@ _PER_ACTION = 2
 class Composition:
     """Settings of the sequences to make."""
 
-    count: int
-    """Number of sequences."""
-    seed: int = 0
-    """Source of every choice."""
-    seconds: tuple[float, float] = (2.0, 9.8)
-    """Shortest and longest sequence."""
-    transition: float = 0.4
-    """Seconds in which the second motion takes over."""
-    distance: float = 0.3
-    """Largest distance of poses with their speeds that may be joined, meters."""
-    slide: float = 0.3
-    """Most that feet on the floor may slide in the transition on average, m/s."""
-    jerk: float = 1200.0
-    """Most that a joint may jerk in the transition, m/s³."""
-    uses: int = 12
-    """Most sequences that one clip may occur in."""
+    count: int  # Number of sequences.
+    seed: int = 0  # Source of every choice.
+    seconds: tuple[float, float] = (2.0, 9.8)  # Shortest and longest sequence.
+    transition: float = 0.4  # Seconds in which the second motion takes over.
+    distance: float = 0.3  # Largest distance of poses with their speeds that may be joined, meters.
+    slide: float = 0.3  # Most that feet on the floor may slide in the transition on average, m/s.
+    jerk: float = 1200.0  # Most that a joint may jerk in the transition, m/s³.
+    uses: int = 12  # Most sequences that one clip may occur in.
 
 
 @dataclass(frozen=True)
 class Composed:
     """Synthetic sequences and the reasons why others were refused."""
 
-    motions: tuple[StoredMotion, ...]
-    """The sequences."""
-    source: Source
-    """`composed`, with the terms of all owners."""
+    motions: tuple[StoredMotion, ...]  # The sequences.
+    source: Source  # `composed`, with the terms of all owners.
+    # Number of pairs that were left out, by reason.
     refused: Counter[str] = field(default_factory=Counter)
-    """Number of pairs that were left out, by reason."""
 
 
 def compose(dataset: Dataset, composition: Composition) -> Composed:
@@ -255,18 +245,12 @@ _ENDING, _QUALIFYING, _REFERRING = word_set("ending"), word_set("qualifying"), w
 class ActionClip:
     """A clip, or a captioned part of one, that shows a single action."""
 
-    clip: Clip
-    """The clip, or its mirrored copy."""
-    start: int
-    """Its first frame there."""
-    joints: Float[np.ndarray, "frames joints 3"]
-    """Positions, meters, the floor at height 0."""
-    sentences: tuple[Sentence, ...]
-    """Its captions, in clauses; at least one."""
-    texts: tuple[str, ...]
-    """The same sentences as they were written."""
-    steady: bool
-    """Whether any piece of it is the same action."""
+    clip: Clip  # The clip, or its mirrored copy.
+    start: int  # Its first frame there.
+    joints: Float[np.ndarray, "frames joints 3"]  # Positions, meters, the floor at height 0.
+    sentences: tuple[Sentence, ...]  # Its captions, in clauses; at least one.
+    texts: tuple[str, ...]  # The same sentences as they were written.
+    steady: bool  # Whether any piece of it is the same action.
 
     @property
     def name(self) -> str:
@@ -299,12 +283,9 @@ class ActionClip:
 class Cut:
     """A piece of an action clip."""
 
-    action: ActionClip
-    """The action clip."""
-    start: int
-    """First frame, counted from the action clip's."""
-    end: int
-    """One past the last frame."""
+    action: ActionClip  # The action clip.
+    start: int  # First frame, counted from the action clip's.
+    end: int  # One past the last frame.
 
     @property
     def origin(self) -> str:

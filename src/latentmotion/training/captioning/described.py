@@ -47,11 +47,10 @@ from latentmotion.training.captioning.clauses import (
 from latentmotion.training.captioning.rewording import rewordings as reworded_texts
 from latentmotion.training.captioning.sentences import sentences
 
-COLUMNS = ("file", "caption", "from", "to")
-"""Columns that `data prepare own --captions` reads."""
+COLUMNS = ("file", "caption", "from", "to")  # Columns that `data prepare own --captions` reads.
 
+# Frames of the longest motion file that is described whole; longer ones are in parts.
 LONGEST_FILE = 200
-"""Frames of the longest motion file that is described whole; longer ones are in parts."""
 
 Joints = Float[np.ndarray, "frames 22 3"]
 
@@ -63,14 +62,10 @@ _SHORTEST = 4
 class FileRow:
     """One line of a CSV of captions."""
 
-    file: str
-    """A motion file's path in its folder, or a clip's name."""
-    caption: str
-    """A sentence."""
-    start: float
-    """Seconds; zero in both means the whole motion."""
-    end: float
-    """Seconds."""
+    file: str  # A motion file's path in its folder, or a clip's name.
+    caption: str  # A sentence.
+    start: float  # Seconds; zero in both means the whole motion.
+    end: float  # Seconds.
 
 
 def clip_generator(seed: int, clip: str) -> np.random.Generator:
@@ -385,14 +380,11 @@ def _sentence_of(words: list[str]) -> str:
     return " ".join(filter(None, ["a person", third_person(_VERBS[words[at]]), *behind, *manners]))
 
 
-Row = tuple[str, int, int]
-"""A sentence, the first frame that it describes, and one past the last."""
+Row = tuple[str, int, int]  # A sentence, the first frame that it describes, and one past the last.
 
-NEARLY_ALL = 0.8
-"""Share of a caption's frames that counts as all of them."""
+NEARLY_ALL = 0.8  # Share of a caption's frames that counts as all of them.
 
-LONG_ENOUGH = 2.5
-"""Seconds in which a repeating movement can be recognized."""
+LONG_ENOUGH = 2.5  # Seconds in which a repeating movement can be recognized.
 
 _REPEATING = re.compile(
     r"\b(?:danc|box(?:es|ing)|fight|karate|martial|swim|dribbl|exercis|play|wash|wip|stir|mop|sweep"
@@ -409,16 +401,11 @@ _CLAUSES = re.compile(r",|;|\. |\bthen\b|\band\b|\bbefore\b|\bafter\b|\bfollowed
 class Windows:
     """Number and length of the windows of a motion, and the number of their sentences."""
 
-    count: int = 3
-    """Windows per motion."""
-    shortest: int = 20
-    """Frames of the shortest window."""
-    longest: int = 196
-    """Frames of the longest window."""
-    sentences: int = 2
-    """Measured sentences per window."""
-    whole: int = 2
-    """Measured sentences about the whole motion."""
+    count: int = 3  # Windows per motion.
+    shortest: int = 20  # Frames of the shortest window.
+    longest: int = 196  # Frames of the longest window.
+    sentences: int = 2  # Measured sentences per window.
+    whole: int = 2  # Measured sentences about the whole motion.
 
 
 def caption_windows(

@@ -31,14 +31,10 @@ _DIRECTED = ("walk", "jog", "run", "jump", "steps")
 class Subject:
     """The subject of a sentence, and the words that agree with it."""
 
-    name: str
-    """As the sentence begins; empty in orders and bare participles."""
-    his: str
-    """The possessive."""
-    him: str
-    """The object."""
-    he: str
-    """The pronoun."""
+    name: str  # As the sentence begins; empty in orders and bare participles.
+    his: str  # The possessive.
+    him: str  # The object.
+    he: str  # The pronoun.
 
     @property
     def plural(self) -> bool:
@@ -46,10 +42,10 @@ class Subject:
         return self.name == "they"
 
 
+# Subjects of sentences and forms of prompts.
 SUBJECTS = tomllib.loads(
     files("latentmotion.training.captioning").joinpath("subjects.toml").read_text("utf-8")
 )
-"""Subjects of sentences and forms of prompts."""
 
 _HE, _SHE, _THEY = ("his", "him", "he"), ("her", "her", "she"), ("their", "them", "they")
 _PEOPLE = {
@@ -312,17 +308,13 @@ def _draw_share(generator: np.random.Generator, shares: dict[str, int]) -> str:
 
 _NUMBERS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 
-GOING = {"walk": "walking", "jog": "jogging", "run": "running"}
-"""Participles of gaits."""
+GOING = {"walk": "walking", "jog": "jogging", "run": "running"}  # Participles of gaits.
 
-ONCE = "[|||once|once|once|one time|just once]"
-"""A single repetition, left out half of the time."""
+ONCE = "[|||once|once|once|one time|just once]"  # A single repetition, left out half of the time.
 
-ONE = "[a|a|a|one|a single|just one]"
-"""The article or number of a single thing."""
+ONE = "[a|a|a|one|a single|just one]"  # The article or number of a single thing.
 
-IN_A_ROW = "[|||| in a row]"
-"""Words that may follow a counted noun."""
+IN_A_ROW = "[|||| in a row]"  # Words that may follow a counted noun.
 
 # Tables of kinds of actions that are named otherwise.
 _TABLES = {
@@ -342,18 +334,13 @@ _COMPARED = {
 class Wording:
     """Patterns for one action."""
 
-    clauses: Sequence[str]
-    """Verb phrases without a subject."""
-    nouns: Sequence[str] = ()
-    """Noun phrases."""
+    clauses: Sequence[str]  # Verb phrases without a subject.
+    nouns: Sequence[str] = ()  # Noun phrases.
+    # Verb phrases that fit only after another action, such as "walk away".
     after: Sequence[str] = ()
-    """Verb phrases that fit only after another action, such as "walk away"."""
-    people: Sequence[str] = ()
-    """Subjects that fit this action best."""
-    places: Sequence[str] = ()
-    """Harmless contexts to put at the end."""
-    orders: Sequence[str] = ()
-    """Whole prompts without a verb to inflect."""
+    people: Sequence[str] = ()  # Subjects that fit this action best.
+    places: Sequence[str] = ()  # Harmless contexts to put at the end.
+    orders: Sequence[str] = ()  # Whole prompts without a verb to inflect.
 
 
 _LISTS = tuple(field.name for field in fields(Wording))

@@ -21,8 +21,7 @@ from latentmotion.measure.whole_body import FAST, SLOW
 from latentmotion.ranking.agreement import check
 from latentmotion.training.captioning.prompting import SUBJECTS, filled
 
-MOST_ACTS = 5
-"""Most acts of one sentence; of more, those that last longest are described."""
+MOST_ACTS = 5  # Most acts of one sentence; of more, those that last longest are described.
 
 
 def sentences(

@@ -51,43 +51,38 @@ from latentmotion.training.vae import BatchSampler
 class TrajectoryRegression:
     """Regression on trajectories that the teacher computes beforehand: exact, but finitely many."""
 
-    trajectories: int = 4096
-    """Number of trajectories; they are kept in the run folder."""
+    trajectories: int = 4096  # Number of trajectories; they are kept in the run folder.
+    # Further trajectories, for prompts whose fulfillment can be measured, none of them of the
+    # instruction benchmark; those that fail are not learned from, so that a student may obey more
+    # than its teacher. Fine-tuning has them from the model as it was, so that it keeps what it
+    # knew.
     asked: int = 0
-    """Further trajectories, for prompts whose fulfillment can be measured, none of them of the
-    instruction benchmark; those that fail are not learned from, so that a student may obey more
-    than its teacher. Fine-tuning has them from the model as it was, so that it keeps what it knew.
-    """
+    # Further trajectories for captions, in turn by verb and by caption with written wordings. The
+    # student reads other words than the teacher did, so it learns wordings that its teacher does
+    # not know.
     reworded: int = 0
-    """Further trajectories for captions, in turn by verb and by caption with written wordings. The
-    student reads other words than the teacher did, so it learns wordings that its teacher does not
-    know.
-    """
-    wordings: int = 1
-    """Most wordings of each of these captions; the student reads them in turn."""
+    wordings: int = 1  # Most wordings of each of these captions; the student reads them in turn.
 
 
 @dataclass(frozen=True)
 class Distillation:
     """Settings of `latentmotion train distill`; the defaults are for two cores and some minutes."""
 
-    name: str = "student"
-    """Name of the model."""
+    name: str = "student"  # Name of the model.
+    # Step counts and guidance scales that the student learns.
     few_step: FewStepConfig = field(default_factory=FewStepConfig)
-    """Step counts and guidance scales that the student learns."""
+    # Its training items.
     objective: TrajectoryRegression = field(default_factory=TrajectoryRegression)
-    """Its training items."""
     solver: Literal["dpm++", "ddim"] = "dpm++"
     """Sampler of the teacher's trajectories.
 
     `dpm++` is nearer to the exact trajectory; use `ddim` for teachers better in coarse steps.
     """
+    # Lengths of motions, within those that the teacher makes.
     cropping: Cropping = field(default_factory=lambda: Cropping(max_frames=196, min_frames=12))
-    """Lengths of motions, within those that the teacher makes."""
-    huber_delta: float = 1.0
-    """Error at which the loss changes from quadratic to linear (Huber)."""
-    mirrored: bool = True
-    """Whether prompts of mirrored clips are used too."""
+    huber_delta: float = 1.0  # Error at which the loss changes from quadratic to linear (Huber).
+    mirrored: bool = True  # Whether prompts of mirrored clips are used too.
+    # Optimization of the student; the teacher runs in the same precision.
     training: TrainingSettings = field(
         default_factory=lambda: TrainingSettings(
             steps=4_000,
@@ -98,46 +93,34 @@ class Distillation:
             precision="auto",
         )
     )
-    """Optimization of the student; the teacher runs in the same precision."""
 
 
-HELD_OUT = 64
-"""Most held-out prompts that a validation looks at."""
+HELD_OUT = 64  # Most held-out prompts that a validation looks at.
 
-AT_ONCE = 64
-"""Motions that the teacher makes together."""
+AT_ONCE = 64  # Motions that the teacher makes together.
 
-FEWEST = 8
-"""Captions that a verb needs to be one of the reworded."""
+FEWEST = 8  # Captions that a verb needs to be one of the reworded.
 
-SPREAD = 0.15
-"""Deviation of the logarithm of lengths of drawn prompts."""
+SPREAD = 0.15  # Deviation of the logarithm of lengths of drawn prompts.
 
 
 @dataclass(frozen=True)
 class DistillationData:
     """A teacher and the settings of its trajectories."""
 
-    model: LatentModel
-    """The teacher, both its stages."""
-    teacher: Teacher
-    """Its denoiser, guided."""
+    model: LatentModel  # The teacher, both its stages.
+    teacher: Teacher  # Its denoiser, guided.
+    # Model of the drawn prompts' motions: the teacher, or one whose behavior is to be kept.
     former: Teacher
-    """Model of the drawn prompts' motions: the teacher, or one whose behavior is to be kept."""
-    items: tuple[Item, ...]
-    """Items to learn from; the teacher generates from their captions."""
-    held_out: tuple[Crop, ...]
-    """Crops for evaluation only."""
+    items: tuple[Item, ...]  # Items to learn from; the teacher generates from their captions.
+    held_out: tuple[Crop, ...]  # Crops for evaluation only.
+    # Drawn prompts with their checks, as crops of the length to generate.
     asked: tuple[tuple[Crop, Instruction], ...]
-    """Drawn prompts with their checks, as crops of the length to generate."""
+    # Further captions, as crops of the length to generate, each with wordings of it.
     reworded: tuple[tuple[Crop, tuple[str, ...]], ...]
-    """Further captions, as crops of the length to generate, each with wordings of it."""
-    settings: Distillation
-    """Numbers of each, and the seed."""
-    folder: Path
-    """The run folder, which keeps what takes long to compute."""
-    context: DistributedContext
-    """Where to compute."""
+    settings: Distillation  # Numbers of each, and the seed.
+    folder: Path  # The run folder, which keeps what takes long to compute.
+    context: DistributedContext  # Where to compute.
 
     def comparison(self) -> PromptedTrajectories | None:
         """Returns the teacher's trajectories for held-out crops."""

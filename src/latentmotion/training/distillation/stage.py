@@ -101,18 +101,14 @@ class DistillStage(Stage[DenoiserNetwork]):
 class DistillRun:
     """Settings that a run folder was made with."""
 
-    data: str
-    """Fingerprint of the prepared data."""
-    teacher: str | None
-    """Hash of the teacher's weights."""
+    data: str  # Fingerprint of the prepared data.
+    teacher: str | None  # Hash of the teacher's weights.
+    # Hash of the weights of the student that it begins as; null where that is the teacher.
     start: str | None
-    """Hash of the weights of the student that it begins as; null where that is the teacher."""
-    text: str | None
-    """Which text encoder reads the prompts; null where conditions are no text."""
-    settings: Distillation
-    """Everything else."""
+    text: str | None  # Which text encoder reads the prompts; null where conditions are no text.
+    settings: Distillation  # Everything else.
+    # Hash of the weights of the model that answers drawn prompts; null where the teacher does.
     former: str | None = None
-    """Hash of the weights of the model that answers drawn prompts; null where the teacher does."""
 
 
 def distill(

@@ -43,22 +43,18 @@ from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import Precision, TrainingSettings
 from latentmotion.training.task_conditions import ConditionTable
 
+# File of the trajectories in a distillation's run folder.
 TRAJECTORIES_FILE = "trajectories.safetensors"
-"""File of the trajectories in a distillation's run folder."""
 
 
 @dataclass(frozen=True)
 class Trajectories:
     """Trajectories of the teacher, padded to the longest motion."""
 
-    points: Float[torch.Tensor, "paths stops tokens width"]
-    """Latents at every stop, noise first."""
-    mask: Bool[torch.Tensor, "paths tokens"]
-    """True on real tokens."""
-    guidance: Float[torch.Tensor, " paths"]
-    """Guidance scale of each."""
-    rows: Int[torch.Tensor, " paths"]
-    """Number of what each was asked."""
+    points: Float[torch.Tensor, "paths stops tokens width"]  # Latents at every stop, noise first.
+    mask: Bool[torch.Tensor, "paths tokens"]  # True on real tokens.
+    guidance: Float[torch.Tensor, " paths"]  # Guidance scale of each.
+    rows: Int[torch.Tensor, " paths"]  # Number of what each was asked.
 
     def take(self, rows: Sequence[int], among: Sequence[int]) -> Trajectories:
         """Returns some of them, cut to the longest of `among`."""
@@ -76,20 +72,13 @@ class Trajectories:
 class Teacher:
     """A trained model that computes trajectories; an earlier student makes its own few steps."""
 
-    network: DenoiserNetwork
-    """Its denoiser, frozen."""
-    card: ModelCard
-    """Its description."""
-    few_step: FewStepConfig
-    """The stops at which latents are kept."""
-    prompts: ConditionTable
-    """Conditions of the prompts."""
-    device: torch.device
-    """Device of its computations."""
-    solver: SamplerName
-    """Its rule of a step, of one pass."""
-    precision: Precision = "float32"
-    """Of the network's arithmetic; trajectories stay in float32."""
+    network: DenoiserNetwork  # Its denoiser, frozen.
+    card: ModelCard  # Its description.
+    few_step: FewStepConfig  # The stops at which latents are kept.
+    prompts: ConditionTable  # Conditions of the prompts.
+    device: torch.device  # Device of its computations.
+    solver: SamplerName  # Its rule of a step, of one pass.
+    precision: Precision = "float32"  # Of the network's arithmetic; trajectories stay in float32.
 
     @torch.no_grad()
     def trajectories(self, crops: Sequence[Crop], seed: int) -> Trajectories:
@@ -212,12 +201,9 @@ def nothing(shape: tuple[int, ...]) -> np.ndarray:
 class Phases:
     """Start and end of one step per item, in steps of the teacher's solver."""
 
-    counts: Int[torch.Tensor, " batch"]
-    """Number of equal steps from noise to latents."""
-    first: Int[torch.Tensor, " batch"]
-    """Start of the step."""
-    last: Int[torch.Tensor, " batch"]
-    """End of the step."""
+    counts: Int[torch.Tensor, " batch"]  # Number of equal steps from noise to latents.
+    first: Int[torch.Tensor, " batch"]  # Start of the step.
+    last: Int[torch.Tensor, " batch"]  # End of the step.
 
 
 def drawn_phases(few_step: FewStepConfig, size: torch.Tensor, position: torch.Tensor) -> Phases:
@@ -233,12 +219,11 @@ def drawn_phases(few_step: FewStepConfig, size: torch.Tensor, position: torch.Te
 class PromptedTrajectories:
     """Trajectories of the teacher, with the crops that they were computed for."""
 
+    # Prompt and length of each trajectory; neighbors are of similar length.
     crops: tuple[Crop, ...]
-    """Prompt and length of each trajectory; neighbors are of similar length."""
-    trajectories: Trajectories
-    """The trajectories."""
+    trajectories: Trajectories  # The trajectories.
+    # Other words for the captions of crops, which the student reads in their place.
     wordings: Mapping[Crop, tuple[str, ...]] = field(default_factory=dict)
-    """Other words for the captions of crops, which the student reads in their place."""
 
     def rows(self, step: int, batch: int, seed: int) -> range:
         """Returns the rows of step number `step`: neighbors, each at most once an epoch.
