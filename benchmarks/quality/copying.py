@@ -49,14 +49,18 @@ def main(
     pipeline = MotionPipeline.from_pretrained(model, threads=1)
     clips = pipeline.clip_starts
     assert clips is not None
-    rare = [one for one in clips.index.captions if one.support <= 20 and one.end - one.start >= 5]
+    rare = [
+        one
+        for one in clips.chooser.index.captions
+        if one.support <= 20 and one.end - one.start >= 5
+    ]
     rows = np.random.default_rng(seed).permutation(len(rare))[:captions]
     sampling, distances = pipeline.card.sampling, {share: [] for share in SHARES}
     if sampling.steps > 16:
         sampling = replace(sampling, steps=16, sampler="dpm++")
     for row in rows.tolist():
         caption = rare[row]
-        latents = clips.index.latents_of(caption)[:49]
+        latents = index.latents_of(caption)[:49]
         frames = 4 * len(latents)
         clip = placed(
             pipeline.representation, clips.decode(latents[None], np.ones((1, frames), bool))[0]

@@ -53,7 +53,7 @@ def main(model: Positional[str] = "fast", clips: int = 10, seeds: int = 10) -> N
         return pipeline.with_moves(index.preferred())
 
     items = [item for item in items_of(dataset.clips("test")) if SHORTEST <= item.frames <= LONGEST]
-    items.sort(key=lambda item: starts.neighbors(item.captions[0], 1)[0].cosine)
+    items.sort(key=lambda item: starts.chooser.neighbors(item.captions[0], 1)[0].cosine)
     features = [dataset.features(item.clip)[item.start : item.end] for item in items]
     gallery = tower.embed(features)
 

@@ -651,7 +651,7 @@ class MotionPipeline(PickledByFields):
         translation = in_english(prompt)
         sentence = translation.english if translation else prompt
         with silent_of_unknown():  # words that the denoiser need not read
-            reading = clips.doubts.read(sentence) if clips else Reading.of(sentence)
+            reading = clips.chooser.doubts.read(sentence) if clips else Reading.of(sentence)
         return replace(reading, translation=str(translation)) if translation else reading
 
     @cached_property
@@ -663,6 +663,7 @@ class MotionPipeline(PickledByFields):
         """
         if not self.moves or not isinstance(self.condition, SentenceCondition):
             return None
+        from latentmotion.retrieval.choices import Chooser
         from latentmotion.retrieval.index import fingerprint, joined
         from latentmotion.retrieval.starts import LONGEST_SAMPLED, ClipStarts
 
@@ -685,9 +686,8 @@ class MotionPipeline(PickledByFields):
             return self.generate(alone)[0]
 
         space = self.representation
-        return ClipStarts(
-            self.card, index, text_encoder, self.feature_encoder, decode, space, sample
-        )
+        chooser = Chooser(index, text_encoder)
+        return ClipStarts(self.card, chooser, self.feature_encoder, decode, space, sample)
 
     @property
     def text_encoder(self) -> TextEncoder:

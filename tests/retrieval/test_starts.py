@@ -51,7 +51,7 @@ def test_who_does_it_does_not_hide_what_is_done(fast):
     ],
 )
 def test_a_drawn_movement_is_started_from_where_its_words_are_said(fast, sentence, word):
-    (choice,) = fast.clip_starts.choices(fast.read(sentence))
+    (choice,) = fast.clip_starts.chooser.choices(fast.read(sentence))
     assert word in choice.neighbors[0].caption.text
 
 
@@ -59,7 +59,7 @@ def test_a_drawn_movement_is_started_from_where_its_words_are_said(fast, sentenc
     "sentence", ["pick something up while walking", "point up with both hands"]
 )
 def test_other_words_are_no_start(fast, sentence):
-    assert fast.clip_starts.choices(fast.read(sentence)) == []
+    assert fast.clip_starts.chooser.choices(fast.read(sentence)) == []
 
 
 @pytest.mark.parametrize(
@@ -74,14 +74,14 @@ def test_other_words_are_no_start(fast, sentence):
     ],
 )
 def test_how_and_where_a_movement_is_done_does_not_hide_it(fast, sentence, says):
-    choices = fast.clip_starts.choices(fast.read(sentence))
+    choices = fast.clip_starts.chooser.choices(fast.read(sentence))
     texts = [choice.neighbors[0].caption.text for choice in choices]
     assert not texts if says is None else says in texts[0]
 
 
 def test_who_jumps_onto_a_box_does_not_jump_off_one(fast):
     (onto,), (off,) = (
-        fast.clip_starts.choices(fast.read(f"jumps {way} a box")) for way in ("onto", "off")
+        fast.clip_starts.chooser.choices(fast.read(f"jumps {way} a box")) for way in ("onto", "off")
     )
     assert "off" in off.neighbors[0].caption.text and "off" not in onto.neighbors[0].caption.text
 
@@ -95,7 +95,7 @@ def test_a_clip_is_slowed_down_for_who_is_slow(fast):
 @pytest.mark.parametrize(("side", "mirrored"), [("left", True), ("right", False)])
 def test_the_other_side_of_a_drawn_movement_is_its_mirror_image(fast, side, mirrored):
     """The nearest caption is of the right leg, whichever side the sentence names."""
-    [choice] = fast.clip_starts.choices(fast.read(f"kick with the {side} leg"))
+    [choice] = fast.clip_starts.chooser.choices(fast.read(f"kick with the {side} leg"))
     assert choice.neighbors[0].caption.text == "front kick with the right leg"
     assert choice.neighbors[0].mirrored is mirrored
 
@@ -135,7 +135,7 @@ def test_without_clips_motions_are_those_of_pure_noise(fast):
 
 def test_a_named_side_takes_the_mirror_image_of_the_clip(fast):
     sides = [
-        fast.clip_starts.neighbors(f"a man limps, his {side} leg is hurt", 1)[0]
+        fast.clip_starts.chooser.neighbors(f"a man limps, his {side} leg is hurt", 1)[0]
         for side in ("left", "right")
     ]
     assert sides[0].caption == sides[1].caption and sides[0].mirrored != sides[1].mirrored
@@ -164,7 +164,7 @@ def test_movements_in_a_row_start_from_a_clip_each(fast, joint):
     ],
 )
 def test_clauses_start_from_clips_of_their_own_unless_one_tells_of_all(fast, sentence, captions):
-    choices = fast.clip_starts.choices(fast.read(sentence))
+    choices = fast.clip_starts.chooser.choices(fast.read(sentence))
     assert len(choices) == len(captions)
     for choice, caption in zip(choices, captions, strict=True):
         texts = [neighbor.caption.text for neighbor in choice.neighbors]
@@ -367,7 +367,7 @@ def test_wrong_input_ends_in_one_line(fast, tmp_path, monkeypatch, capsys, argum
 
 
 def test_clips_of_another_model_are_refused(fast, tmp_path):
-    index = replace(fast.clip_starts.index, latent_space="another")
+    index = replace(fast.clip_starts.chooser.index, latent_space="another")
     index.write(tmp_path / MOVES_FILE)
     with pytest.raises(ModelError, match="another model"):
         fast.with_moves(tmp_path)

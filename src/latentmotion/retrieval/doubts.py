@@ -134,7 +134,8 @@ class Doubts:
         """
         corrections: dict[str, str] = {}
         for word in words_of(sentence):
-            if self._is_known(word) or len(word) < 4 or self._is_english(word):
+            english = not word.isascii() or any(map(self.is_word, _stems(word)))
+            if self._is_known(word) or len(word) < 4 or english:
                 continue
             # The first letter is seldom wrong (Yannakoudakis and Fawthrop 1983): "mows" is no bow.
             near = [
@@ -185,12 +186,9 @@ class Doubts:
         changes = dict(zip((1 - vectors[1:] @ vectors[0]).tolist(), unheard, strict=True))
         return changes[max(changes)] if max(changes) >= TURNS_MEANING else None
 
-    def _is_english(self, word: str) -> bool:
-        """Returns whether a word is one piece of the text encoder's, with an ending or without."""
-        if not word.isascii():
-            return True
-        head, *tail = pieces(self.text_encoder, word)
-        return head.isalpha() and "".join(tail).removeprefix("##") in ("", *ENDINGS)
+    def is_word(self, word: str) -> bool:
+        """Whether captions have a word, or the text encoder reads it in one piece."""
+        return word in self.index.words or len(pieces(self.text_encoder, word)) == 1
 
     def _is_known(self, word: str) -> bool:
         """Returns whether captions have a word or another form of it."""

@@ -1,6 +1,6 @@
 """Starting from the nearest clip: what sampling begins with where a sentence names a rare movement.
 
-    sentence → nearest captions → latents of their clips, stretched to the length that is wanted
+    choices of clips (`choices.py`) → their latents, joined, stretched to the length that is wanted
     z_t = alpha(t) z_0 + sigma(t) epsilon, then the last steps with the sentence itself
 
 A denoiser averages movements away that few clips show; started from such a clip at half of the
@@ -10,10 +10,8 @@ figures in lab/diary/rare_acts.md). Frequent movements start from pure noise, as
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -21,72 +19,25 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask, unit
-from latentmotion.condition import TextEncoder
-from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
-from latentmotion.language.acts import lookups
-from latentmotion.language.claims import Claim, both_sides, data, kinds
-from latentmotion.language.reading import asked_exactly, request_of, usual_range
-from latentmotion.language.words import (
-    clauses_of,
-    content_words,
-    listed,
-    named_sides,
-    other_forms,
-    plainer_than,
-    words_of,
-)
+from latentmotion.language.reading import request_of, usual_range
+from latentmotion.language.words import listed, words_of
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.canonical import heading, turn
 from latentmotion.representation.interface import Representation
-from latentmotion.retrieval.doubts import Doubts, Reading
-from latentmotion.retrieval.index import (
-    ALIKE_WORDS,
-    DRAWN,
-    OFTEN,
-    RARE,
-    SHOWN,
-    ClipIndex,
-    IndexedCaption,
-    Neighbor,
-)
-from latentmotion.text.encoder import pieces
+from latentmotion.retrieval.choices import USUAL, Choice, Chooser
+from latentmotion.retrieval.doubts import Reading
+from latentmotion.retrieval.index import DRAWN, RARE, SHOWN, Neighbor
 
 # Cosine up to which a caption says nothing of what a sentence asks for; the short sentences of
 # drawn clips are still right where longer captions are not (by two lists of 80 prompts).
 UNRELATED, UNRELATED_OF_DRAWN = 0.55, 0.4
 
-USUAL = 60.0  # Support of a movement that succeeds from noise about as often as from a clip.
-
-# Cosine from which a sentence says nearly the same as one of a drawn clip, which it then starts
-# from where no more than OFTEN clips support captions that are about as near. With this and the
-# rules below 39 of 817 prompts start from another clip: 26 from what they ask for, five from
-# something near it, eight from something else.
-NEARLY_ALIKE = 0.8
-
-# Least part of the weight of a sentence's words, and of its weightiest word, that the caption of a
-# drawn clip must have to be started from for its words alone.
-LEAST_SAID, LEAST_WEIGHT = 0.45, 4.0
-
-# Cosine of a caption with each clause of a sentence, and with all on average, from which it tells
-# of all of them; difference of cosines that codes of embeddings do not show.
-LEAST_TOLD, MEAN_TOLD, EQUAL = 0.38, 0.54, 0.01
-
-# Weight of the embedding of a sentence beside that of a single word of it: with 0.5 archers shoot
-# with rifles, with 0.7 other words are outweighed.
-CONTEXT = 0.6
-
 # Largest support, share of the sampling steps that are left after a start, and share of the clip
 # that stays in the result: the more the denoiser knows of a movement, the more it may change. What
 # was shown or drawn is what is wanted: one step takes hands 89 mm from it, with 0.7 kept 37 mm.
 SHARES = ((SHOWN, 0.25, 0.7), (5, 0.25, 0.0), (RARE, 0.5, 0.0))
-
-ALIKE = 0.03  # How much farther than the nearest a caption may be for its clip to be another start.
-
-MOST_CHOICES = 4  # Clips among which takes take turns.
-
-MOST_MOVEMENTS = 8  # Movements of a sentence that start from clips of their own; more have no time.
 
 # Factor by which a clip may be slowed down or sped up; beyond it is repeated or cut.
 LONGEST_STRETCH = 1.4
@@ -103,36 +54,6 @@ LONGEST_SAMPLED = 4.0
 # Cosine of both upper limbs with the line between the shoulders, and seconds of it at the start,
 # from which a recording begins with a calibration.
 _HELD_OUT, _CALIBRATION = 0.6, 0.3
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Captions near a movement of a sentence, and how many clips show it."""
-
-    # The nearest, and those that are nearly as near, whose clips take turns; none for a movement
-    # that is sampled from noise beside others from clips.
-    neighbors: tuple[Neighbor, ...]
-    support: int  # About how many clips show the movement.
-    sentence: str  # What says the movement.
-
-    @property
-    def cosine(self) -> float:
-        """Cosine of the nearest."""
-        return self.neighbors[0].cosine
-
-    @property
-    def is_given(self) -> bool:
-        """Whether a clip was shown for the sentence, or drawn for nearly the same words."""
-        support = self.neighbors[0].caption.support
-        return support == SHOWN or (support == DRAWN and self.cosine >= ALIKE_WORDS)
-
-    @property
-    def is_near(self) -> bool:
-        """Whether the nearest may show the movement."""
-        return self.neighbors[0].is_near
-
-
-Span = tuple[tuple[str, ...], Choice]  # Clauses of a sentence in a row, and clips near them.
 
 
 @dataclass(frozen=True)
@@ -154,11 +75,10 @@ class ClipStart:
 
 @dataclass(frozen=True)
 class ClipStarts:
-    """Chooses starts among the clips of an index."""
+    """Makes starts of the clips that are chosen for sentences."""
 
     card: ModelCard  # The model.
-    index: ClipIndex  # The clips.
-    text_encoder: TextEncoder  # Embeds sentences.
+    chooser: Chooser  # Chooses clips.
     encoder: FeatureEncoder  # Encodes mirrored clips.
     # Latents and mask of frames to features: decodes the clips that are mirrored.
     decode: Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -166,135 +86,10 @@ class ClipStarts:
     # Features of one movement of a sentence, sampled from noise as a request says.
     sample: Callable[[str, GenerationRequest], np.ndarray]
 
-    @property
-    def doubts(self) -> Doubts:
-        """Finds what sentences ask for that the clips do not show."""
-        return Doubts(self.index, self.text_encoder)
-
-    def neighbors(self, sentence: str, count: int = MOST_CHOICES) -> list[Neighbor]:
-        """Returns the captions nearest to a sentence, the nearest first."""
-        return self.index.nearest(self._sides(sentence), count)
-
-    def _sides(self, sentence: str) -> Float[np.ndarray, "sides width"]:
-        """Returns the embedding of a sentence, and that of its mirror image if it differs."""
-        return self.text_encoder(both_sides(sentence)).pooled
-
-    def choices(self, reading: Reading) -> list[Choice]:
-        """Returns clips to start from, for each movement of a sentence that follows another.
-
-        Of several movements each starts as it would alone: one that is not rare has no neighbors,
-        and is sampled from noise.
-
-        Returns:
-            Nothing where no movement starts from a clip.
-        """
-        movements = self._movements(reading.prompt)
-        if len(movements) == 1:
-            choice = self._rare(movements[0], reading, reading.sentence)
-            return [choice] if choice else []
-        movements = [choice for choice in movements if _is_made(choice)]
-        starts = [self._rare(choice, reading, choice.sentence) for choice in movements]
-        if not any(starts):
-            return []
-        every = zip(starts, movements, strict=True)
-        return [start or self._beside(choice) for start, choice in every]
-
-    def _beside(self, choice: Choice) -> Choice:
-        """Returns what a movement that is not rare starts from beside rare ones.
-
-        Not the best of several takes is kept of it, so that a clip shows it more surely than noise;
-        not of the most common ones, whose captions say little of their clips.
-        """
-        exact = asked_exactly(choice.sentence, any_length=True) != NO_CORRECTIONS
-        alike = choice.cosine >= NEARLY_ALIKE and choice.support <= OFTEN
-        return choice if alike and not exact else replace(choice, neighbors=())
-
-    def _rare(self, choice: Choice, reading: Reading, sentence: str) -> Choice | None:
-        """Returns the clips of a movement that starts from clips, None for one from noise.
-
-        A sentence in words of its own claims nothing that a clip could spoil, so that its movement
-        may be less rare.
-
-        Args:
-            choice: Clips near the movement.
-            reading: The sentence.
-            sentence: What says how often the movement is done.
-        """
-        # Noise has the count or the turn that a sentence asks for exactly more often than a clip,
-        # but for a clip that was shown for it, or drawn for the same.
-        exactly = asked_exactly(sentence, any_length=True)
-        same = exactly == asked_exactly(choice.neighbors[0].caption.text, any_length=True)
-        is_given = choice.support == SHOWN or (choice.is_given and same)
-        exact = exactly != NO_CORRECTIONS and not is_given
-        rare = choice.support <= (USUAL if reading.caption else RARE) and not exact
-        if rare and choice.is_near:
-            return choice
-        said = None if exact else self._said(choice.sentence)
-        return Choice((said,), DRAWN, choice.sentence) if said else None
-
-    def _movements(self, sentence: str) -> list[Choice]:
-        """Returns clips near each movement of a sentence.
-
-        Clauses are one movement where a caption tells of all of them: it is nearer to them together
-        than to any alone, and as near as others are to each alone.
-        """
-        clauses = clauses_of(sentence, self._is_word)
-        done = [clause for clause in clauses if listed("barely").isdisjoint(words_of(clause))]
-        if not done or len(clauses) == 1 or len(done) > MOST_MOVEMENTS:
-            return [self._choice(sentence)]
-        if len(done) == 1:  # "nearly falls, catches himself"
-            return [self._choice(done[0])]
-        spans: list[Span] = [((clause,), self._choice(clause, sentence)) for clause in done]
-        whole, said = (tuple(done), self._choice(sentence)), self._said(sentence)
-        shown = whole[1].is_given and whole[1].neighbors[0].caption.support == SHOWN
-        if shown or self._tells(whole, spans):
-            return [whole[1]]
-        if said and _names(said.caption.text, done):
-            return [Choice((said,), DRAWN, sentence)]
-        while len(spans) > 2:
-            pairs = [self._together(sentence, *pair) for pair in pairwise(spans)]
-            joinable = [n for n, pair in enumerate(pairs) if self._tells(pair, spans[n : n + 2])]
-            if not joinable:
-                break
-            n = max(joinable, key=lambda n: pairs[n][1].cosine)
-            spans[n : n + 2] = [pairs[n]]
-        return [choice for _, choice in spans]
-
-    def _together(self, sentence: str, one: Span, other: Span) -> Span:
-        """Returns neighboring spans as one."""
-        clauses = (*one[0], *other[0])
-        start = sentence.index(clauses[0])
-        end = sentence.index(clauses[-1], start + len(clauses[0])) + len(clauses[-1])
-        return clauses, self._choice(sentence[start:end])
-
-    def _tells(self, span: Span, parts: Sequence[Span]) -> bool:
-        """Whether the caption nearest to a span of clauses tells of all of them."""
-        clauses, choice = span
-        caption = choice.neighbors[0].caption
-        if caption.support == DRAWN and choice.is_near and _names(caption.text, clauses):
-            return True
-        number = next(n for n, other in enumerate(self.index.captions) if other is caption)
-        cosines = [
-            max(self.index.neighbor(number, self._sides(text)).cosine for text in lookups(clause))
-            for clause in clauses
-        ]
-        if max(cosines) >= choice.cosine:
-            return False
-        near = choice.cosine >= min(part.cosine for _, part in parts) - EQUAL
-        near = near and min(cosines) >= LEAST_TOLD and sum(cosines) >= MEAN_TOLD * len(cosines)
-        return near or choice.cosine >= ALIKE_WORDS
-
-    def _is_word(self, word: str) -> bool:
-        """Whether captions have a word, or the text encoder reads it in one piece."""
-        return word in self.index.words or len(pieces(self.text_encoder, word)) == 1
-
-    def _features(self, caption: IndexedCaption) -> Float[np.ndarray, "frames features"]:
-        return self._decoded(self.index.latents_of(caption))
-
     def _decoded(
         self, latents: Float[np.ndarray, "tokens width"]
     ) -> Float[np.ndarray, "frames features"]:
-        frames = len(latents) * (self.card.latents.frames_per_token or 1)
+        frames = len(latents) * self._frames_per_token
         return self.decode(latents[None], prefix_mask([frames]))[0]
 
     def _calibrates(self, features: Float[np.ndarray, "frames features"]) -> int:
@@ -308,125 +103,8 @@ class ClipStarts:
             )
             out &= (unit(wrist - shoulder) * unit(shoulder - across)).sum(axis=-1) > _HELD_OUT
         frames = int(np.argmin(out)) if not out.all() else 0
-        per_token = self.card.latents.frames_per_token or 1
         usual = frames >= _CALIBRATION * self.representation.fps and 2 * frames < len(features)
-        return -(-frames // per_token) if usual else 0
-
-    def _choice(self, sentence: str, context: str = "") -> Choice:
-        """Returns clips near a movement.
-
-        Args:
-            sentence: The movement.
-            context: The sentence that it is a part of, which says what a single word means:
-                "draws a bow and shoots".
-        """
-        choice = self._nearest(sentence, context)
-        if choice.support <= RARE and choice.cosine >= NEARLY_ALIKE:
-            return choice
-        # What is said besides may hide the movement: "some guy doing the robot, jerky arms".
-        claims, ways = _claims(sentence), listed("forward") | listed("backward")
-        for plainer in plainer_than(sentence, sides=not claims):
-            other = self._nearest(plainer)
-            alike = other.support <= RARE and other.cosine >= NEARLY_ALIKE
-            if named_sides(sentence) - named_sides(plainer):  # to a side is not forward
-                alike &= ways.isdisjoint(words_of(other.neighbors[0].caption.text))
-            if alike and claims <= _claims(other.neighbors[0].caption.text):
-                near = tuple(self._on_side(neighbor, sentence) for neighbor in other.neighbors)
-                return Choice(near, other.support, sentence)
-        return choice
-
-    def _nearest(self, sentence: str, context: str = "") -> Choice:
-        """Returns clips near the words of a movement, with arguments as for `_choice`."""
-        versions = [self._sides(text) for text in lookups(sentence)]
-        if context and len(set(words_of(sentence)) - listed("person")) == 1:
-            meant = CONTEXT * self._sides(context)[0]
-            versions = [unit(sides + meant) for sides in versions]
-        nearest = [(sides, self.index.nearest(sides, 2 * MOST_CHOICES)) for sides in versions]
-        sides, every = max(nearest, key=lambda version: version[1][0].cosine)
-        support = self.index.support(sides)
-        near = [n for n in every if n.caption.support == SHOWN or _fits(n.caption.text, sentence)]
-        if not near:
-            return Choice(tuple(every[:1]), max(support, OFTEN), sentence)
-        near = near[:MOST_CHOICES]
-        alike = [neighbor for neighbor in near if neighbor.cosine >= near[0].cosine - ALIKE]
-        # "Waves" is as near to waving while walking as to waving at a friend.
-        if not _gaits_of(sentence):
-            stands = [n for n in alike if not _gaits_of(n.caption.text)]
-            alike = alike if near[0].caption.support == SHOWN else stands or alike
-        # A clip that was shown, or else drawn, for a sentence takes turns with none that was not.
-        shown = [neighbor for neighbor in alike if neighbor.caption.support == SHOWN]
-        drawn = [neighbor for neighbor in alike if neighbor.caption.support == DRAWN]
-        if shown:
-            same, support = shown, SHOWN
-        elif (
-            drawn
-            and support <= _most_beside(drawn[0], drawn[0].cosine >= alike[0].cosine - EQUAL)
-            and (
-                drawn[0].cosine >= ALIKE_WORDS
-                or _claims(sentence) <= _claims(drawn[0].caption.text)
-            )
-        ):
-            same, support = drawn, DRAWN
-        else:
-            first = alike[0].caption.support == DRAWN
-            same = drawn if first else [n for n in alike if n not in drawn]
-        return Choice(tuple(self._on_side(n, sentence) for n in same), support, sentence)
-
-    @cached_property
-    def _said_by_drawn(self) -> list[tuple[frozenset[str], int]]:
-        # The words of each caption of a drawn clip, and its number.
-        return [
-            (content_words(caption.text), number)
-            for number, caption in enumerate(self.index.captions)
-            if caption.support == DRAWN
-        ]
-
-    def _said(self, sentence: str) -> Neighbor | None:
-        """Returns the drawn clip whose caption says the most of a sentence and nothing else.
-
-        "A tennis player tosses the ball up and serves" is as near to much else as to "a tennis
-        serve", whose words it has.
-        """
-        forms = {word: other_forms(word) | {word} for word in content_words(sentence)}
-        weights = {word: self._weight(forms[word]) for word in forms}
-        every_form = frozenset().union(*forms.values())
-        said: dict[float, list[int]] = {}
-        for words, number in self._said_by_drawn:
-            if words and words <= every_form:
-                shared = [weights[word] for word in forms if words & forms[word]]
-                if max(shared) >= LEAST_WEIGHT:
-                    said.setdefault(sum(shared), []).append(number)
-        most = max(said, default=0.0)
-        if most < LEAST_SAID * sum(weights.values()) or not said:
-            return None
-        versions = [self._sides(text) for text in lookups(sentence)]
-        near = (self.index.neighbor(n, sides) for n in said[most] for sides in versions)
-        neighbor = max(near, key=lambda neighbor: neighbor.cosine)
-        caption = neighbor.caption.text
-        lacks = "both" in content_words(sentence) - content_words(caption)
-        if lacks or not neighbor.is_near or (_gaits_of(sentence) and not _gaits_of(caption)):
-            return None
-        return self._on_side(neighbor, sentence)
-
-    def _weight(self, forms: frozenset[str]) -> float:
-        """Returns how much a word says: the logarithm of how few captions have a form of it."""
-        words = self.index.words
-        most = max(words.values(), default=1)
-        return math.log(most / (1 + max(words.get(form, 0) for form in forms)))
-
-    def _on_side(self, neighbor: Neighbor, sentence: str) -> Neighbor:
-        """Returns a clip that was shown or drawn on the side that a sentence names.
-
-        The nearest caption may name the other side, or none; another of the same clip says then
-        which one it shows.
-        """
-        named, caption = named_sides(sentence), neighbor.caption
-        if len(named) != 1 or caption.support > SHOWN:
-            return neighbor
-        texts = [other.text for other in self.index.captions if other.clip == caption.clip]
-        texts = [caption.text] if named_sides(caption.text) else texts
-        shown = set().union(*(sides for sides in map(named_sides, texts) if len(sides) == 1))
-        return replace(neighbor, mirrored=named != shown) if len(shown) == 1 else neighbor
+        return -(-frames // self._frames_per_token) if usual else 0
 
     def starts(
         self,
@@ -443,7 +121,7 @@ class ClipStarts:
             free: Whether nobody gave the length of each.
             wanted: Whether each may start from a clip.
         """
-        choices = {reading: self.choices(reading) for reading in dict.fromkeys(readings)}
+        choices = {reading: self.chooser.choices(reading) for reading in dict.fromkeys(readings)}
         return [
             self.start(
                 choices[reading],
@@ -466,7 +144,7 @@ class ClipStarts:
             frames: Length of the motion.
             request: The motion; its seed takes turns among the clips.
         """
-        return self.start([self._choice(reading.prompt)], frames, request)
+        return self.start([self.chooser.choice(reading.prompt)], frames, request)
 
     def start(
         self,
@@ -485,13 +163,10 @@ class ClipStarts:
                 clip is made as short.
         """
         (seed,) = request.seeds
-        near = [choice for choice in choices if choice.neighbors]
         chosen = [
             choice.neighbors[seed % len(choice.neighbors)] if choice.neighbors else None
             for choice in choices
         ]
-        shortest, longest = self.card.frames
-        per_token = self.card.latents.frames_per_token or 1
         parts = [
             self._latents(neighbor) if neighbor else self._sampled(choice, request)
             for neighbor, choice in zip(chosen, choices, strict=True)
@@ -500,52 +175,41 @@ class ClipStarts:
             parts = self._staying_up(parts, choices)
         seams = [self._seam(*pair) for pair in pairwise(parts)]
         if frames is None:
-            longer = [
-                _pace(neighbor.caption.text, choice.sentence) if neighbor else 1.0
-                for neighbor, choice in zip(chosen, choices, strict=True)
-            ]
+            pairs = zip(chosen, choices, strict=True)
+            longer = [_pace(n.caption.text, c.sentence) if n else 1.0 for n, c in pairs]
             parts = [
                 stretched(part, round(f * len(part))) for part, f in zip(parts, longer, strict=True)
             ]
-            frames = (sum(map(len, parts)) + sum(seams)) * per_token
+            shortest, longest = self.card.frames
             shown = any(choice.support == SHOWN for choice in choices)
-            usual = limits and not shown and len(choices) == 1
-            most = limits[1] * self.representation.fps if limits and usual else longest
-            frames = int(min(max(frames, shortest), longest, most))
-        every = self.card.latents.tokens_of(frames)
-        most = every // (2 * len(parts))  # a short motion has short seams
-        seams = [min(seam, most) for seam in seams]
-        tokens = every - sum(seams)
-        shares = np.cumsum([0, *map(len, parts)]) / sum(map(len, parts))
-        ends = np.round(shares * tokens).astype(int)
-        latents = [
-            stretched(part, max(int(end - start), 1))
-            for part, start, end in zip(parts, ends, ends[1:], strict=False)
-        ]
-        about = tuple(self.index.about(neighbor) for neighbor in chosen if neighbor)
-        rarest = min(near, key=lambda choice: choice.support)
+            if limits and not shown and len(choices) == 1:
+                longest = min(longest, int(limits[1] * self.representation.fps))
+            frames = (sum(map(len, parts)) + sum(seams)) * self._frames_per_token
+            frames = min(max(frames, shortest), longest)
+        rarest = min((c for c in choices if c.neighbors), key=lambda choice: choice.support)
         support = rarest.support
         left, keep = next(((s, k) for most, s, k in SHARES if support <= most), SHARES[-1][1:])
-        joined, keeps = latents[0], np.full(len(latents[0]), keep)
-        for part, seam in zip(latents[1:], seams, strict=True):
-            joined = bridged(joined, part, seam)
-            keeps = np.concatenate([keeps, np.zeros(seam), np.full(len(part), keep)])
-        if len(choices) > 1:  # each movement is as it is wanted but for the seams between
-            left, keep = SHARES[0][1:]
-            keeps = np.where(keeps > 0, keep, 0.0)
-        joined, keeps = joined[:every], keeps[:every]
+        if len(parts) > 1:  # each movement is as it is wanted but for the seams between
+            left = SHARES[0][1]
+        latents, keeps = joined(parts, seams, self.card.latents.tokens_of(frames), keep)
+        start = Start(latents, left, keeps)
         usual = USUAL / (USUAL + max(support, 0))
         unrelated = UNRELATED_OF_DRAWN if support == DRAWN else UNRELATED
         likely = max(rarest.cosine - unrelated, 0.0) / (1 - unrelated)
-        return ClipStart(Start(joined, left, keeps), frames, about, len(choices), likely * usual)
+        about = tuple(self.chooser.index.about(neighbor) for neighbor in chosen if neighbor)
+        return ClipStart(start, frames, about, len(choices), likely * usual)
+
+    @property
+    def _frames_per_token(self) -> int:
+        return self.card.latents.frames_per_token or 1
 
     def _latents(self, neighbor: Neighbor) -> Float[np.ndarray, "tokens width"]:
         """Returns the latents of a neighbor's clip, or of its mirror image."""
-        latents = self.index.latents_of(neighbor.caption)
+        latents = self.chooser.index.latents_of(neighbor.caption)
         recorded = neighbor.caption.support > SHOWN
         if not (neighbor.mirrored or recorded):
             return latents
-        features = self._features(neighbor.caption)
+        features = self._decoded(latents)
         begin = self._calibrates(features) if recorded else 0
         if neighbor.mirrored:
             latents = self.encoder(self.representation.mirror(features))[: len(latents)]
@@ -571,7 +235,7 @@ class ClipStarts:
             poses.append(turn(joints, -heading(joints, space.skeleton)))
         apart = float(np.linalg.norm(poses[1] - poses[0], axis=-1).mean())
         seconds = min(apart / _SEAM, _LONGEST_SEAM)
-        return max(round(seconds * space.fps / (self.card.latents.frames_per_token or 1)), 1)
+        return max(round(seconds * space.fps / self._frames_per_token), 1)
 
     def _staying_up(
         self, parts: Sequence[Float[np.ndarray, "_ width"]], choices: Sequence[Choice]
@@ -597,61 +261,35 @@ class ClipStarts:
         return up
 
 
-def bridged(
-    before: Float[np.ndarray, "_ width"], after: Float[np.ndarray, "_ width"], tokens: int
-) -> Float[np.ndarray, "longer width"]:
-    """Returns latents in a row with some between, which go evenly from the last to the first."""
-    share = np.linspace(0, 1, tokens + 2, dtype=before.dtype)[1:-1, None]
-    return np.concatenate([before, before[-1] * (1 - share) + after[0] * share, after])
+def joined(
+    parts: Sequence[Float[np.ndarray, "_ width"]], seams: Sequence[int], tokens: int, keep: float
+) -> tuple[Float[np.ndarray, "tokens width"], Float[np.ndarray, " tokens"]]:
+    """Returns movements in a row, and the share of each token that stays in the result.
 
-
-def _names(caption: str, clauses: Sequence[str]) -> bool:
-    """Whether a caption has a content word of the first clause, and the verb of each other."""
-    words = {form for word in words_of(caption) for form in other_forms(word) | {word}}
-    first, *others = (
-        [word for word in words_of(clause) if word in content_words(clause)] for clause in clauses
-    )
-    return not words.isdisjoint(first) and all(words.issuperset(other[:1]) for other in others)
-
-
-def _is_made(choice: Choice) -> bool:
-    """Whether a movement beside others is made at all: a clip or a claim is near it.
-
-    A few words about what is before them ("lower it") are near by chance.
+    Args:
+        parts: Latents of each movement.
+        seams: Tokens between two, which go evenly from the last pose to the next.
+        tokens: How long all are together.
+        keep: Share of what stays of a movement; of a seam nothing does.
     """
-    words = words_of(choice.sentence)
-    refers = len(words) <= 3 and not {"it", "them"}.isdisjoint(words)
-    near = choice.is_near and (choice.cosine >= NEARLY_ALIKE or not refers)
-    return near or bool(request_of(choice.sentence).claims)
-
-
-def _most_beside(drawn: Neighbor, nearest: bool) -> float:
-    """Returns up to which support of recorded captions beside it a drawn clip is started from."""
-    if drawn.cosine < NEARLY_ALIKE:
-        return RARE
-    if not nearest:
-        return USUAL
-    return np.inf if drawn.cosine >= ALIKE_WORDS else OFTEN
-
-
-def _gaits_of(sentence: str) -> list[Claim]:
-    return [claim for claim in request_of(sentence).claims if claim.kind in kinds("gait")]
+    most = tokens // (2 * len(parts))  # a short motion has short seams
+    seams = [0, *(min(seam, most) for seam in seams)]
+    shares = np.cumsum([0, *map(len, parts)]) / sum(map(len, parts))
+    ends = np.round(shares * (tokens - sum(seams))).astype(int)
+    row: list[np.ndarray] = []
+    keeps: list[float] = []
+    for part, seam, length in zip(parts, seams, np.diff(ends), strict=True):
+        part = stretched(part, max(int(length), 1))
+        if seam:
+            share = np.linspace(0, 1, seam + 2, dtype=part.dtype)[1:-1, None]
+            row.append(row[-1][-1] * (1 - share) + part[0] * share)
+        row.append(part)
+        keeps += [0.0] * seam + [keep] * len(part)
+    return np.concatenate(row)[:tokens], np.array(keeps[:tokens])
 
 
 def _climbs(sentence: str) -> bool:
     return any(claim.kind == "climb" for claim in request_of(sentence).claims)
-
-
-def _fits(caption: str, sentence: str) -> bool:
-    """Whether a caption says nothing against a sentence: "off" for "onto", a way for "in place"."""
-    said, words = {*words_of(sentence)}, {*words_of(caption)}
-    against = any(
-        other in words - said and word not in words
-        for word in said
-        for other in [data("words.toml")["opposites"].get(word)]
-    )
-    ways = [{gait.direction == "place" for gait in _gaits_of(text)} for text in (sentence, caption)]
-    return not against and (ways[0] == ways[1] or True not in ways[0] | ways[1])
 
 
 def _pace(caption: str, sentence: str) -> float:
@@ -659,11 +297,6 @@ def _pace(caption: str, sentence: str) -> float:
     said = {*words_of(sentence)} - {*words_of(caption)}
     slow, fast = (not said.isdisjoint(listed(pace)) for pace in ("slow", "fast"))
     return LONGEST_STRETCH ** (slow - fast)
-
-
-def _claims(sentence: str) -> frozenset[str]:
-    """Returns the kinds of what a sentence asks for that can be measured."""
-    return frozenset(claim.kind for claim in request_of(sentence).claims)
 
 
 def stretched(

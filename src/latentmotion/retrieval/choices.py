@@ -1,0 +1,392 @@
+"""Choice of clips: which clips each movement of a sentence starts from.
+
+    sentence → movements → nearest captions of each → clips that take turns, or none
+
+What a sentence asks for is compared with captions by embeddings; words decide where those mislead:
+sides, opposites, gaits, counts, and captions of drawn clips, which are short.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from latentmotion.arrays import unit
+from latentmotion.condition import TextEncoder
+from latentmotion.corrections import NO_CORRECTIONS
+from latentmotion.language.acts import lookups
+from latentmotion.language.claims import Claim, both_sides, data, kinds
+from latentmotion.language.reading import asked_exactly, request_of
+from latentmotion.language.words import (
+    clauses_of,
+    content_words,
+    listed,
+    named_sides,
+    other_forms,
+    plainer_than,
+    words_of,
+)
+from latentmotion.retrieval.doubts import Doubts, Reading
+from latentmotion.retrieval.index import (
+    ALIKE_WORDS,
+    DRAWN,
+    OFTEN,
+    RARE,
+    SHOWN,
+    ClipIndex,
+    Neighbor,
+)
+
+USUAL = 60.0  # Support of a movement that succeeds from noise about as often as from a clip.
+
+# Cosine from which a sentence says nearly the same as one of a drawn clip, which it then starts
+# from where no more than OFTEN clips support captions that are about as near. With this and the
+# rules below 39 of 817 prompts start from another clip: 26 from what they ask for, five from
+# something near it, eight from something else.
+NEARLY_ALIKE = 0.8
+
+# Least part of the weight of a sentence's words, and of its weightiest word, that the caption of a
+# drawn clip must have to be started from for its words alone.
+LEAST_SAID, LEAST_WEIGHT = 0.45, 4.0
+
+# Cosine of a caption with each clause of a sentence, and with all on average, from which it tells
+# of all of them; difference of cosines that codes of embeddings do not show.
+LEAST_TOLD, MEAN_TOLD, EQUAL = 0.38, 0.54, 0.01
+
+# Weight of the embedding of a sentence beside that of a single word of it: with 0.5 archers shoot
+# with rifles, with 0.7 other words are outweighed.
+CONTEXT = 0.6
+
+ALIKE = 0.03  # How much farther than the nearest a caption may be for its clip to be another start.
+
+MOST_CHOICES = 4  # Clips among which takes take turns.
+
+MOST_MOVEMENTS = 8  # Movements of a sentence that start from clips of their own; more have no time.
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Captions near a movement of a sentence, and how many clips show it."""
+
+    # The nearest, and those that are nearly as near, whose clips take turns; none for a movement
+    # that is sampled from noise beside others from clips.
+    neighbors: tuple[Neighbor, ...]
+    support: int  # About how many clips show the movement.
+    sentence: str  # What says the movement.
+
+    @property
+    def cosine(self) -> float:
+        """Cosine of the nearest."""
+        return self.neighbors[0].cosine
+
+    @property
+    def is_given(self) -> bool:
+        """Whether a clip was shown for the sentence, or drawn for nearly the same words."""
+        support = self.neighbors[0].caption.support
+        return support == SHOWN or (support == DRAWN and self.cosine >= ALIKE_WORDS)
+
+    @property
+    def is_near(self) -> bool:
+        """Whether the nearest may show the movement."""
+        return self.neighbors[0].is_near
+
+
+Span = tuple[tuple[str, ...], Choice]  # Clauses of a sentence in a row, and clips near them.
+
+
+@dataclass(frozen=True)
+class Chooser:
+    """Chooses clips of an index for the movements of sentences."""
+
+    index: ClipIndex  # The clips.
+    text_encoder: TextEncoder  # Embeds sentences.
+
+    @property
+    def doubts(self) -> Doubts:
+        """Finds what sentences ask for that the clips do not show."""
+        return Doubts(self.index, self.text_encoder)
+
+    def neighbors(self, sentence: str, count: int = MOST_CHOICES) -> list[Neighbor]:
+        """Returns the captions nearest to a sentence, the nearest first."""
+        return self.index.nearest(self._sides(sentence), count)
+
+    def _sides(self, sentence: str) -> Float[np.ndarray, "sides width"]:
+        """Returns the embedding of a sentence, and that of its mirror image if it differs."""
+        return self.text_encoder(both_sides(sentence)).pooled
+
+    def choices(self, reading: Reading) -> list[Choice]:
+        """Returns clips to start from, for each movement of a sentence that follows another.
+
+        Of several movements each starts as it would alone: one that is not rare has no neighbors,
+        and is sampled from noise.
+
+        Returns:
+            Nothing where no movement starts from a clip.
+        """
+        movements = self._movements(reading.prompt)
+        if len(movements) == 1:
+            choice = self._rare(movements[0], reading, reading.sentence)
+            return [choice] if choice else []
+        movements = [choice for choice in movements if _is_made(choice)]
+        starts = [self._rare(choice, reading, choice.sentence) for choice in movements]
+        if not any(starts):
+            return []
+        every = zip(starts, movements, strict=True)
+        return [start or self._beside(choice) for start, choice in every]
+
+    def _beside(self, choice: Choice) -> Choice:
+        """Returns what a movement that is not rare starts from beside rare ones.
+
+        Not the best of several takes is kept of it, so that a clip shows it more surely than noise;
+        not of the most common ones, whose captions say little of their clips.
+        """
+        exact = asked_exactly(choice.sentence, any_length=True) != NO_CORRECTIONS
+        alike = choice.cosine >= NEARLY_ALIKE and choice.support <= OFTEN
+        return choice if alike and not exact else replace(choice, neighbors=())
+
+    def _rare(self, choice: Choice, reading: Reading, sentence: str) -> Choice | None:
+        """Returns the clips of a movement that starts from clips, None for one from noise.
+
+        A sentence in words of its own claims nothing that a clip could spoil, so that its movement
+        may be less rare.
+
+        Args:
+            choice: Clips near the movement.
+            reading: The sentence.
+            sentence: What says how often the movement is done.
+        """
+        # Noise has the count or the turn that a sentence asks for exactly more often than a clip,
+        # but for a clip that was shown for it, or drawn for the same.
+        exactly = asked_exactly(sentence, any_length=True)
+        same = exactly == asked_exactly(choice.neighbors[0].caption.text, any_length=True)
+        is_given = choice.support == SHOWN or (choice.is_given and same)
+        exact = exactly != NO_CORRECTIONS and not is_given
+        rare = choice.support <= (USUAL if reading.caption else RARE) and not exact
+        if rare and choice.is_near:
+            return choice
+        said = None if exact else self._said(choice.sentence)
+        return Choice((said,), DRAWN, choice.sentence) if said else None
+
+    def _movements(self, sentence: str) -> list[Choice]:
+        """Returns clips near each movement of a sentence.
+
+        Clauses are one movement where a caption tells of all of them: it is nearer to them together
+        than to any alone, and as near as others are to each alone.
+        """
+        clauses = clauses_of(sentence, self.doubts.is_word)
+        done = [clause for clause in clauses if listed("barely").isdisjoint(words_of(clause))]
+        if not done or len(clauses) == 1 or len(done) > MOST_MOVEMENTS:
+            return [self.choice(sentence)]
+        if len(done) == 1:  # "nearly falls, catches himself"
+            return [self.choice(done[0])]
+        spans: list[Span] = [((clause,), self.choice(clause, sentence)) for clause in done]
+        whole, said = (tuple(done), self.choice(sentence)), self._said(sentence)
+        shown = whole[1].is_given and whole[1].neighbors[0].caption.support == SHOWN
+        if shown or self._tells(whole, spans):
+            return [whole[1]]
+        if said and _names(said.caption.text, done):
+            return [Choice((said,), DRAWN, sentence)]
+        while len(spans) > 2:
+            pairs = [self._together(sentence, *pair) for pair in pairwise(spans)]
+            joinable = [n for n, pair in enumerate(pairs) if self._tells(pair, spans[n : n + 2])]
+            if not joinable:
+                break
+            n = max(joinable, key=lambda n: pairs[n][1].cosine)
+            spans[n : n + 2] = [pairs[n]]
+        return [choice for _, choice in spans]
+
+    def _together(self, sentence: str, one: Span, other: Span) -> Span:
+        """Returns neighboring spans as one."""
+        clauses = (*one[0], *other[0])
+        start = sentence.index(clauses[0])
+        end = sentence.index(clauses[-1], start + len(clauses[0])) + len(clauses[-1])
+        return clauses, self.choice(sentence[start:end])
+
+    def _tells(self, span: Span, parts: Sequence[Span]) -> bool:
+        """Whether the caption nearest to a span of clauses tells of all of them."""
+        clauses, choice = span
+        caption = choice.neighbors[0].caption
+        if caption.support == DRAWN and choice.is_near and _names(caption.text, clauses):
+            return True
+        number = next(n for n, other in enumerate(self.index.captions) if other is caption)
+        cosines = [
+            max(self.index.neighbor(number, self._sides(text)).cosine for text in lookups(clause))
+            for clause in clauses
+        ]
+        if max(cosines) >= choice.cosine:
+            return False
+        near = choice.cosine >= min(part.cosine for _, part in parts) - EQUAL
+        near = near and min(cosines) >= LEAST_TOLD and sum(cosines) >= MEAN_TOLD * len(cosines)
+        return near or choice.cosine >= ALIKE_WORDS
+
+    def choice(self, sentence: str, context: str = "") -> Choice:
+        """Returns clips near a movement.
+
+        Args:
+            sentence: The movement.
+            context: The sentence that it is a part of, which says what a single word means:
+                "draws a bow and shoots".
+        """
+        choice = self._nearest(sentence, context)
+        if choice.support <= RARE and choice.cosine >= NEARLY_ALIKE:
+            return choice
+        # What is said besides may hide the movement: "some guy doing the robot, jerky arms".
+        claims, ways = _claims(sentence), listed("forward") | listed("backward")
+        for plainer in plainer_than(sentence, sides=not claims):
+            other = self._nearest(plainer)
+            alike = other.support <= RARE and other.cosine >= NEARLY_ALIKE
+            if named_sides(sentence) - named_sides(plainer):  # to a side is not forward
+                alike &= ways.isdisjoint(words_of(other.neighbors[0].caption.text))
+            if alike and claims <= _claims(other.neighbors[0].caption.text):
+                near = tuple(self._on_side(neighbor, sentence) for neighbor in other.neighbors)
+                return Choice(near, other.support, sentence)
+        return choice
+
+    def _nearest(self, sentence: str, context: str = "") -> Choice:
+        """Returns clips near the words of a movement, with arguments as for `choice`."""
+        versions = [self._sides(text) for text in lookups(sentence)]
+        if context and len(set(words_of(sentence)) - listed("person")) == 1:
+            meant = CONTEXT * self._sides(context)[0]
+            versions = [unit(sides + meant) for sides in versions]
+        nearest = [(sides, self.index.nearest(sides, 2 * MOST_CHOICES)) for sides in versions]
+        sides, every = max(nearest, key=lambda version: version[1][0].cosine)
+        support = self.index.support(sides)
+        near = [n for n in every if n.caption.support == SHOWN or _fits(n.caption.text, sentence)]
+        if not near:
+            return Choice(tuple(every[:1]), max(support, OFTEN), sentence)
+        near = near[:MOST_CHOICES]
+        alike = [neighbor for neighbor in near if neighbor.cosine >= near[0].cosine - ALIKE]
+        # "Waves" is as near to waving while walking as to waving at a friend.
+        if not _gaits_of(sentence):
+            stands = [n for n in alike if not _gaits_of(n.caption.text)]
+            alike = alike if near[0].caption.support == SHOWN else stands or alike
+        # A clip that was shown, or else drawn, for a sentence takes turns with none that was not.
+        shown = [neighbor for neighbor in alike if neighbor.caption.support == SHOWN]
+        drawn = [neighbor for neighbor in alike if neighbor.caption.support == DRAWN]
+        if shown:
+            same, support = shown, SHOWN
+        elif (
+            drawn
+            and support <= _most_beside(drawn[0], drawn[0].cosine >= alike[0].cosine - EQUAL)
+            and (
+                drawn[0].cosine >= ALIKE_WORDS
+                or _claims(sentence) <= _claims(drawn[0].caption.text)
+            )
+        ):
+            same, support = drawn, DRAWN
+        else:
+            first = alike[0].caption.support == DRAWN
+            same = drawn if first else [n for n in alike if n not in drawn]
+        return Choice(tuple(self._on_side(n, sentence) for n in same), support, sentence)
+
+    @cached_property
+    def _said_by_drawn(self) -> list[tuple[frozenset[str], int]]:
+        # The words of each caption of a drawn clip, and its number.
+        return [
+            (content_words(caption.text), number)
+            for number, caption in enumerate(self.index.captions)
+            if caption.support == DRAWN
+        ]
+
+    def _said(self, sentence: str) -> Neighbor | None:
+        """Returns the drawn clip whose caption says the most of a sentence and nothing else.
+
+        "A tennis player tosses the ball up and serves" is as near to much else as to "a tennis
+        serve", whose words it has.
+        """
+        forms = {word: other_forms(word) | {word} for word in content_words(sentence)}
+        weights = {word: self._weight(forms[word]) for word in forms}
+        every_form = frozenset().union(*forms.values())
+        said: dict[float, list[int]] = {}
+        for words, number in self._said_by_drawn:
+            if words and words <= every_form:
+                shared = [weights[word] for word in forms if words & forms[word]]
+                if max(shared) >= LEAST_WEIGHT:
+                    said.setdefault(sum(shared), []).append(number)
+        most = max(said, default=0.0)
+        if most < LEAST_SAID * sum(weights.values()) or not said:
+            return None
+        versions = [self._sides(text) for text in lookups(sentence)]
+        near = (self.index.neighbor(n, sides) for n in said[most] for sides in versions)
+        neighbor = max(near, key=lambda neighbor: neighbor.cosine)
+        caption = neighbor.caption.text
+        lacks = "both" in content_words(sentence) - content_words(caption)
+        if lacks or not neighbor.is_near or (_gaits_of(sentence) and not _gaits_of(caption)):
+            return None
+        return self._on_side(neighbor, sentence)
+
+    def _weight(self, forms: frozenset[str]) -> float:
+        """Returns how much a word says: the logarithm of how few captions have a form of it."""
+        words = self.index.words
+        most = max(words.values(), default=1)
+        return math.log(most / (1 + max(words.get(form, 0) for form in forms)))
+
+    def _on_side(self, neighbor: Neighbor, sentence: str) -> Neighbor:
+        """Returns a clip that was shown or drawn on the side that a sentence names.
+
+        The nearest caption may name the other side, or none; another of the same clip says then
+        which one it shows.
+        """
+        named, caption = named_sides(sentence), neighbor.caption
+        if len(named) != 1 or caption.support > SHOWN:
+            return neighbor
+        texts = [other.text for other in self.index.captions if other.clip == caption.clip]
+        texts = [caption.text] if named_sides(caption.text) else texts
+        shown = set().union(*(sides for sides in map(named_sides, texts) if len(sides) == 1))
+        return replace(neighbor, mirrored=named != shown) if len(shown) == 1 else neighbor
+
+
+def _names(caption: str, clauses: Sequence[str]) -> bool:
+    """Whether a caption has a content word of the first clause, and the verb of each other."""
+    words = {form for word in words_of(caption) for form in other_forms(word) | {word}}
+    first, *others = (
+        [word for word in words_of(clause) if word in content_words(clause)] for clause in clauses
+    )
+    return not words.isdisjoint(first) and all(words.issuperset(other[:1]) for other in others)
+
+
+def _is_made(choice: Choice) -> bool:
+    """Whether a movement beside others is made at all: a clip or a claim is near it.
+
+    A few words about what is before them ("lower it") are near by chance.
+    """
+    words = words_of(choice.sentence)
+    refers = len(words) <= 3 and not {"it", "them"}.isdisjoint(words)
+    near = choice.is_near and (choice.cosine >= NEARLY_ALIKE or not refers)
+    return near or bool(request_of(choice.sentence).claims)
+
+
+def _most_beside(drawn: Neighbor, nearest: bool) -> float:
+    """Returns up to which support of recorded captions beside it a drawn clip is started from."""
+    if drawn.cosine < NEARLY_ALIKE:
+        return RARE
+    if not nearest:
+        return USUAL
+    return np.inf if drawn.cosine >= ALIKE_WORDS else OFTEN
+
+
+def _gaits_of(sentence: str) -> list[Claim]:
+    return [claim for claim in request_of(sentence).claims if claim.kind in kinds("gait")]
+
+
+def _fits(caption: str, sentence: str) -> bool:
+    """Whether a caption says nothing against a sentence: "off" for "onto", a way for "in place"."""
+    said, words = {*words_of(sentence)}, {*words_of(caption)}
+    against = any(
+        other in words - said and word not in words
+        for word in said
+        for other in [data("words.toml")["opposites"].get(word)]
+    )
+    ways = [{gait.direction == "place" for gait in _gaits_of(text)} for text in (sentence, caption)]
+    return not against and (ways[0] == ways[1] or True not in ways[0] | ways[1])
+
+
+def _claims(sentence: str) -> frozenset[str]:
+    """Returns the kinds of what a sentence asks for that can be measured."""
+    return frozenset(claim.kind for claim in request_of(sentence).claims)
