@@ -1,20 +1,22 @@
 """Draws the movements of gestures.toml on recordings of a person who stands or walks.
 
-    python data/gestures.py moves
-    latentmotion teach data/starter.pack --wordings ... --compact -o moves
+    python data/gestures.py src/latentmotion/models/starter   # the index there, its drawn part anew
+    python data/gestures.py moves                              # an index of drawn movements alone
 
 Hands, feet and pelvis follow targets along monotone cubic curves (Fritsch and Carlson 1980), arms
 and legs by two-bone inverse kinematics; all else is the recording. Latents are those whose decoded
 motion is nearest to the drawn one: the encoder's are off by 38 mm at the hands, as much as a stroke
-of a brush. The first command writes an index of these clips, the second adds those of the data to
-it, as in the index that ships.
+of a brush. What the model's index has is taken from there: a clip's name is a hash of its row.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 import tomllib
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +30,17 @@ from latentmotion import MotionPipeline
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.engine.backend import FeatureEncoder
+from latentmotion.language.words import words_of
 from latentmotion.model.card import MOVES_FILE, find_model
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.networks.vae.interface import MotionVAE
-from latentmotion.retrieval.index import DRAWN
+from latentmotion.retrieval.index import (
+    DRAWN,
+    MOST_LEVELS,
+    ClipIndex,
+    quantized,
+    read_index,
+)
 from latentmotion.retrieval.teach import ShownClip, build_index
 
 HERE = Path(__file__).parent
@@ -42,6 +51,8 @@ RECORDINGS = {
     "walk": "cmu-69_01-00000",
     "stroll": "snu-wd2_WalkForwardSlow01-00000",
 }
+
+SOURCE = "gestures"  # Name of the owner of drawn clips in an index.
 
 # Sides of the body, and the sign of outward along the axis to the right.
 SIDES = {"right": 1.0, "left": -1.0}
@@ -385,41 +396,88 @@ class NearestLatents:
         return z.detach().numpy()
 
 
+def name_of(gesture: dict[str, Any]) -> str:
+    """Returns the name of a row's clip, which other captions leave as it is."""
+    drawn = json.dumps({key: value for key, value in gesture.items() if key != "captions"})
+    return f"gesture-{hashlib.sha256(drawn.encode()).hexdigest()[:8]}"
+
+
+def recorded(index: ClipIndex) -> ClipIndex:
+    """Returns an index without its drawn clips, which come first."""
+    drawn = [clip for clip in index.clips if clip.source == SOURCE]
+    rows, texts = sum(clip.tokens for clip in drawn), [set[str]() for _ in drawn]
+    captions = sum(caption.support == DRAWN for caption in index.captions)
+    for caption in index.captions[:captions]:
+        texts[caption.clip].update(words_of(caption.text))
+    moved = (replace(clip, start=clip.start - rows) for clip in index.clips[len(drawn) :])
+    others = (replace(c, clip=c.clip - len(drawn)) for c in index.captions[captions:])
+    return replace(
+        index,
+        sources=tuple(source for source in index.sources if source.name != SOURCE),
+        clips=tuple(moved),
+        captions=tuple(others),
+        latents=index.latents[rows:],
+        wordings=index.wordings - captions,
+        embeddings=index.embeddings[captions:],
+        words=dict(Counter(index.words) - Counter(word for text in texts for word in text)),
+    )
+
+
 @dataclass(frozen=True)
 class Gestures:
     """Write an index of the movements."""
 
-    out: tyro.conf.Positional[Path]  # Folder of moves.
+    out: tyro.conf.Positional[Path]  # Folder of moves; recordings of one that is there are kept.
     table: Path = HERE / "gestures.toml"  # The movements.
     data: Path = HERE / "starter.pack"  # Prepared data with the recordings.
     model: str = "starter"  # Name or folder of the model whose encoders are used.
+    anew: bool = False  # Search all latents, as after a change to this file: an hour.
 
     def run(self) -> None:
         """Writes it."""
         dataset, pipeline = Dataset.load(self.data), MotionPipeline.from_pretrained(self.model)
-        space = dataset.representation
+        space, target = dataset.representation, self.out / MOVES_FILE
         clips = {clip.id: clip for clip in dataset.clips("train")}
         recordings = {
             name: space.decode(dataset.features(clips[clip])).astype(np.float64)
             for name, clip in RECORDINGS.items()
         }
-        names, shown = [*space.skeleton.names], []
+        names, shown, latents = [*space.skeleton.names], [], []
         owners = {clips[clip].source for clip in RECORDINGS.values()}
-        for number, gesture in enumerate(tomllib.loads(self.table.read_text("utf-8"))["gesture"]):
+        for gesture in tomllib.loads(self.table.read_text("utf-8"))["gesture"]:
             name = gesture.get("on", "stand")
             features = space.encode(draw(gesture, recordings[name], names, space.fps))
             captions = tuple(Caption(text, 0, len(features)) for text in gesture["captions"])
             origin = RECORDINGS[name]
-            shown.append(ShownClip(f"gesture-{number:03d}", "gestures", origin, features, captions))
+            shown.append(ShownClip(name_of(gesture), SOURCE, origin, features, captions))
         credits = [source.credit for source in dataset.sources if source.name in owners]
         licenses = {source.license for source in dataset.sources if source.name in owners}
         credit = f"Latent Motion, drawn on recordings of {'; '.join(credits)}"
-        source = Source("gestures", " and ".join(sorted(licenses)), credit)
-        encoder = NearestLatents.of(find_model(self.model), pipeline.feature_encoder)
+        source = Source(SOURCE, " and ".join(sorted(licenses)), credit)
+        search = NearestLatents.of(find_model(self.model), pipeline.feature_encoder)
+        shipped = pipeline.clip_starts.index if pipeline.clip_starts else None
+        stored = {clip.id: clip for clip in shipped.clips} if shipped and not self.anew else {}
+
+        def encoder(features: Float[np.ndarray, "frames features"]) -> np.ndarray:
+            clip = stored.get(shown[len(latents)].id)
+            if clip and shipped:
+                codes = shipped.latents[clip.start : clip.start + clip.tokens]
+                latents.append(codes * shipped.latent_scale)
+            else:
+                latents.append(search(features))
+            return latents[-1]
+
         index = build_index(shown, [source], pipeline.card, encoder, pipeline.text_encoder)
+        every = np.concatenate(latents)
+        scale = shipped.latent_scale if shipped else quantized(every, 0, MOST_LEVELS)[1]
+        codes = np.clip(np.round(every / scale), -MOST_LEVELS, MOST_LEVELS).astype(np.int8)
+        index = replace(index.preferred(DRAWN), latents=codes, latent_scale=scale)
+        if target.is_file():
+            index = index.joined(recorded(read_index(target)))
         self.out.mkdir(parents=True, exist_ok=True)
-        index.preferred(DRAWN).write(self.out / MOVES_FILE)
-        print(f"{len(index.clips)} movements, {len(index.captions)} sentences in {self.out}")
+        index.write(target)
+        searched = sum(clip.id not in stored for clip in shown)
+        print(f"{len(shown)} movements, {searched} of them searched, in {target}")
 
 
 if __name__ == "__main__":
