@@ -677,12 +677,15 @@ class MotionPipeline(PickledByFields):
                 self.decoder(backend.to_device(latents), backend.to_device(frames))
             )
 
-        def sample(sentence: str, request: GenerationRequest) -> np.ndarray:
+        def sample(
+            sentence: str, request: GenerationRequest, frames: int | None = None
+        ) -> np.ndarray:
             usual = [
                 min(seconds, LONGEST_SAMPLED) for seconds in self.usual_seconds([sentence]) or ()
             ]
-            frames = requests.frames_of(self.card, None, 1, self.representation.fps, usual or None)
-            alone = GenerationRequest((sentence,), tuple(frames), request.seeds, request.sampling)
+            lengths = requests.frames_of(self.card, None, 1, self.representation.fps, usual or None)
+            lengths = [frames] if frames else lengths
+            alone = GenerationRequest((sentence,), tuple(lengths), request.seeds, request.sampling)
             return self.generate(alone)[0]
 
         space = self.representation

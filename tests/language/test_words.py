@@ -6,6 +6,7 @@ import pytest
 
 from latentmotion.language.reading import request_of
 from latentmotion.language.words import (
+    at_once,
     clauses_of,
     forms,
     match,
@@ -133,3 +134,23 @@ _VOCABULARY = {
 )
 def test_clauses_have_verbs_of_their_own(sentence: str, clauses: list[str] | None) -> None:
     assert clauses_of(sentence, _VOCABULARY.__contains__) == (clauses or [sentence])
+
+
+@pytest.mark.parametrize(
+    ("sentence", "pair"),
+    [
+        ("strolls while eating an ice cream", ("strolls", "eating an ice cream")),
+        ("hums while strolling", ("strolling", "hums")),
+        ("runs with the arms up", ("runs", "the arms up")),
+        ("walks on, nodding", ("walks on", "nodding")),
+        ("goes forward juggling", ("goes forward", "juggling")),
+        ("walks as she claps", ("walks", "she claps")),
+    ],
+)
+def test_movements_at_once_are_taken_apart(sentence: str, pair: tuple[str, str]) -> None:
+    assert pair in at_once(sentence)
+
+
+@pytest.mark.parametrize("sentence", ["walks to the building", "is walking", "jumps as if hurt"])
+def test_one_movement_is_not_taken_apart(sentence: str) -> None:
+    assert at_once(sentence) == []

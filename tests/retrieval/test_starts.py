@@ -192,6 +192,31 @@ def test_who_climbed_stays_up_for_what_follows(fast):
     assert len(motion.metadata["from_clips"]) == 2 and lowest[-20:].min() > 0.5 > lowest[:10].max()
 
 
+def test_a_gesture_is_made_over_a_gait(fast):
+    motion = fast("a man walks while drinking coffee", seed=3, seconds=5)
+    at = {name: n for n, name in enumerate(motion.skeleton.names)}
+    joints = motion.joints
+    near = np.linalg.norm(joints[:, at["right_wrist"]] - joints[:, at["head"]], axis=-1) < 0.35
+    assert "coffee" in motion.metadata["from_clips"][0]["caption"]
+    assert near.mean() > 0.2  # the cup is at the mouth
+    assert np.linalg.norm(joints[-1, 0, [0, 2]] - joints[0, 0, [0, 2]]) > 2
+
+
+def test_who_sits_stays_on_the_seat_for_a_gesture(fast):
+    motion = fast("sits and waves", seed=3)
+    at = {name: n for n, name in enumerate(motion.skeleton.names)}
+    waves = motion.joints[:, at["right_wrist"], 1] > motion.joints[:, at["right_shoulder"], 1]
+    assert waves.any() and motion.joints[waves, 0, 1].max() < 0.75
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    ["walking and waving", "walks while looking at a phone", "walking, chin up", "climbing a rock"],
+)
+def test_what_a_caption_tells_or_no_drawn_gesture_shows_is_not_layered(fast, sentence):
+    assert not any(choice.under for choice in fast.clip_starts.chooser.choices(fast.read(sentence)))
+
+
 def test_who_walks_before_a_rare_movement_goes_some_way(fast):
     walk, stand = fast.batch(["a person walks, then salutes", "salute"], seeds=[0, 0])
     for motion in (walk, stand):

@@ -124,6 +124,25 @@ def clauses_of(sentence: str, is_known: Callable[[str], bool]) -> list[str]:
     return clauses
 
 
+def at_once(sentence: str) -> list[tuple[str, str]]:
+    """Returns how a sentence may be two movements at once: "walks forward", "waving".
+
+    They are joined by "while", "with" or a comma, and come in both orders, or the second is a
+    participle.
+    """
+    tokens, pairs = tokens_of(sentence), []
+    no_verb = listed("determiner") | listed("preposition") | listed("auxiliary") | {"and", "then"}
+    for at, token in enumerate(tokens):
+        joins = token.text in listed("meanwhile") or match("as he|she|they", tokens, at) is not None
+        waving = token.text.endswith("ing") and at > 0 and tokens[at - 1].text not in no_verb
+        before, after = sentence[: token.start].strip(" ,"), sentence[token.end :].strip(" ,")
+        if joins:
+            pairs += [(before, after), (after, before)]
+        elif waving:
+            pairs.append((before, sentence[token.start :]))
+    return [pair for pair in pairs if all(map(content_words, pair))]
+
+
 def _leads(token: Token) -> bool:
     """Whether a word or mark stands before the verb of a clause that is joined to another."""
     return token.text in listed("leads") | set(STOPS) or token.text.endswith("ly")

@@ -24,6 +24,7 @@ from latentmotion.language.acts import lookups
 from latentmotion.language.claims import Claim, both_sides, data, kinds
 from latentmotion.language.reading import asked_exactly, request_of
 from latentmotion.language.words import (
+    at_once,
     clauses_of,
     content_words,
     listed,
@@ -79,6 +80,7 @@ class Choice:
     neighbors: tuple[Neighbor, ...]
     support: int  # About how many clips show the movement.
     sentence: str  # What says the movement.
+    under: Choice | None = None  # What the body does beneath a gesture.
 
     @property
     def cosine(self) -> float:
@@ -129,6 +131,8 @@ class Chooser:
         Returns:
             Nothing where no movement starts from a clip.
         """
+        if layers := self._layers(reading.sentence):
+            return layers
         movements = self._movements(reading.prompt)
         if len(movements) == 1:
             choice = self._rare(movements[0], reading, reading.sentence)
@@ -172,6 +176,39 @@ class Chooser:
             return choice
         said = None if exact else self._said(choice.sentence)
         return Choice((said,), DRAWN, choice.sentence) if said else None
+
+    def _layers(self, sentence: str) -> list[Choice]:
+        """Returns a gesture over a gait, or after a posture: "walks while eating an apple".
+
+        Returns:
+            Nothing where a caption tells of both, or no drawn clip is near the gesture.
+        """
+        pairs = at_once(sentence)
+        if not pairs or asked_exactly(sentence, any_length=True) != NO_CORRECTIONS:
+            return []
+        whole = self.choice(sentence)
+        told = _claims(whole.neighbors[0].caption.text) if whole.cosine >= NEARLY_ALIKE else ()
+        gestures = [
+            (self.choice(over), under)
+            for under, over in pairs
+            if (claims := _claims(under)) and claims.issubset(kinds("base")) and not at_once(under)
+            if claims.isdisjoint(told) and _claims(over).issubset(kinds("arms") + kinds("pose"))
+        ]
+        drawn = [
+            (over, under)
+            for over, under in gestures
+            if over.support == DRAWN and over.cosine >= max(NEARLY_ALIKE, whole.cosine)
+        ]
+        if not drawn:
+            return []
+        over, under = max(drawn, key=lambda pair: pair[0].cosine)
+        base = self.choice(under)
+        if _claims(under).isdisjoint(kinds("way")):
+            # A seat may float where it was recorded.
+            surely = base.support == DRAWN and base.cosine >= NEARLY_ALIKE
+            return [base if surely else replace(base, neighbors=()), over]
+        rare = self._rare(base, Reading(under), under)
+        return [replace(over, under=rare or self._beside(base))]
 
     def _movements(self, sentence: str) -> list[Choice]:
         """Returns clips near each movement of a sentence.

@@ -29,6 +29,7 @@ from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.choices import USUAL, Choice, Chooser
 from latentmotion.retrieval.doubts import Reading
 from latentmotion.retrieval.index import DRAWN, RARE, SHOWN, Neighbor
+from latentmotion.retrieval.layers import is_gesture, is_low, layered, lowest
 
 # Cosine up to which a caption says nothing of what a sentence asks for; the short sentences of
 # drawn clips are still right where longer captions are not (by two lists of 80 prompts).
@@ -84,7 +85,8 @@ class ClipStarts:
     decode: Callable[[np.ndarray, np.ndarray], np.ndarray]
     representation: Representation  # Mirrors features.
     # Features of one movement of a sentence, sampled from noise as a request says.
-    sample: Callable[[str, GenerationRequest], np.ndarray]
+    # As many frames as are given, or as is usual.
+    sample: Callable[[str, GenerationRequest, int | None], np.ndarray]
 
     def _decoded(
         self, latents: Float[np.ndarray, "tokens width"]
@@ -167,10 +169,7 @@ class ClipStarts:
             choice.neighbors[seed % len(choice.neighbors)] if choice.neighbors else None
             for choice in choices
         ]
-        parts = [
-            self._latents(neighbor) if neighbor else self._sampled(choice, request)
-            for neighbor, choice in zip(chosen, choices, strict=True)
-        ]
+        parts = self._parts(choices, chosen, request)
         if len(parts) > 1 and _climbs(" ".join(choice.sentence for choice in choices)):
             parts = self._staying_up(parts, choices)
         seams = [self._seam(*pair) for pair in pairwise(parts)]
@@ -203,6 +202,43 @@ class ClipStarts:
     def _frames_per_token(self) -> int:
         return self.card.latents.frames_per_token or 1
 
+    def _parts(
+        self,
+        choices: Sequence[Choice],
+        chosen: Sequence[Neighbor | None],
+        request: GenerationRequest,
+    ) -> list[Float[np.ndarray, "_ width"]]:
+        """Returns the latents of each movement, gestures over what the body does beneath."""
+        names, parts = list(self.representation.skeleton.names), list[np.ndarray]()
+        for choice, neighbor in zip(choices, chosen, strict=True):
+            latents = self._latents(neighbor) if neighbor else self._sampled(choice, request)
+            drawn = neighbor is not None and neighbor.caption.support == DRAWN
+            gesture = self._joints(latents) if drawn and (parts or choice.under) else None
+            if gesture is not None and is_gesture(gesture, names):
+                body: np.ndarray | None = None
+                if under := choice.under:
+                    near, seed = under.neighbors, request.seeds[0]
+                    body = self._joints(
+                        stretched(self._latents(near[seed % len(near)]), len(latents))
+                        if near
+                        else self._sampled(under, request, len(gesture))
+                    )[: len(gesture)]
+                elif parts and is_low(before := self._joints(parts[-1]), gesture, names):
+                    # Who sits stays on the seat while waving.
+                    last = lowest(before, names)
+                    parts[-1] = parts[-1][: last // self._frames_per_token + 1]
+                    body = np.repeat(before[last : last + 1], len(gesture), axis=0)
+                if body is not None:
+                    features = self.representation.encode(layered(body, gesture, names))
+                    latents = self.encoder(features)[: len(latents)]
+            parts.append(latents)
+        return parts
+
+    def _joints(
+        self, latents: Float[np.ndarray, "tokens width"]
+    ) -> Float[np.ndarray, "frames joints 3"]:
+        return self.representation.decode(self._decoded(latents)).astype(np.float64)
+
     def _latents(self, neighbor: Neighbor) -> Float[np.ndarray, "tokens width"]:
         """Returns the latents of a neighbor's clip, or of its mirror image."""
         latents = self.chooser.index.latents_of(neighbor.caption)
@@ -216,10 +252,10 @@ class ClipStarts:
         return latents[begin:]
 
     def _sampled(
-        self, choice: Choice, request: GenerationRequest
+        self, choice: Choice, request: GenerationRequest, frames: int | None = None
     ) -> Float[np.ndarray, "tokens width"]:
         """Returns the latents of a movement that is sampled from noise."""
-        return self.encoder(self.sample(choice.sentence, request))
+        return self.encoder(self.sample(choice.sentence, request, frames))
 
     def _seam(
         self, before: Float[np.ndarray, "_ width"], after: Float[np.ndarray, "_ width"]
@@ -230,7 +266,7 @@ class ClipStarts:
         """
         space, poses = self.representation, []
         for latents, frame in ((before, -1), (after, 0)):
-            joints = space.decode(self._decoded(latents))[frame].astype(np.float64)
+            joints = self._joints(latents)[frame]
             joints[:, [0, 2]] -= joints[0, [0, 2]]
             poses.append(turn(joints, -heading(joints, space.skeleton)))
         apart = float(np.linalg.norm(poses[1] - poses[0], axis=-1).mean())
