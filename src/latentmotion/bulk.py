@@ -12,9 +12,9 @@ import hashlib
 import io
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,7 +26,7 @@ from latentmotion.cleanup import CleanUp
 from latentmotion.condition import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine import request as requests
-from latentmotion.errors import FileFormatError, InputError, ModelError
+from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats import EngineName, fbx
 from latentmotion.formats.content import encoded
 from latentmotion.formats.engines import for_engine
@@ -100,10 +100,6 @@ def _row(line: int, cells: dict[str, str], seed: int) -> PromptRow:
     return PromptRow(line, prompt, seed, seconds, problem)
 
 
-def _too_many(count: int) -> str:
-    return f"{count:,} rows, at most {limits.MOST_PROMPTS:,} are read; split the file"
-
-
 # Format of the shards; or of the motions, a file each, with a table of them for each shard.
 Format = Literal["safetensors", "glb", "bvh", "fbx"]
 
@@ -119,12 +115,10 @@ _MODEL_FILES = ("*.json", "*.onnx", "*.safetensors")
 
 @dataclass(frozen=True)
 class BulkGeneration:
-    """How rows become motions, wherever that happens."""
+    """How rows become motions."""
 
-    # Opens a model by its name and `options`; every worker must be able to import it.
-    open: Callable[..., MotionPipeline] = MotionPipeline.from_pretrained
     model: str = DEFAULT  # Name or folder of the model.
-    # What `open` takes after the model: runtime, threads and the like.
+    # How it was opened, on which the bytes depend, too: runtime, threads and the like.
     options: tuple[Any, ...] = ()
     # Length of motions whose row has none; by default the model predicts it.
     seconds: float | None = None
@@ -138,7 +132,6 @@ class BulkGeneration:
     format: Format = "safetensors"  # Format of the shards, or of the motions.
     preset: EngineName | None = None  # Names of bones of the motions' files.
     fps: float | None = None  # Frames per second of the motions' files; by default the model's own.
-    weights: str = ""  # SHA-256 of the model's files, which every worker must have; "" takes any.
 
     def frames(self, pipeline: MotionPipeline, rows: Sequence[PromptRow]) -> list[int]:
         """Returns the length of each row's motion: its own, the run's or the predicted one.
@@ -201,11 +194,18 @@ class BulkGeneration:
         )
 
 
-def work_of(generation: BulkGeneration, prompts: Path, seed: int = 0, rows: int = ROWS) -> Work:
+def work_of(
+    generation: BulkGeneration,
+    pipeline: MotionPipeline,
+    prompts: Path,
+    seed: int = 0,
+    rows: int = ROWS,
+) -> Work:
     """Returns the shards of a file of prompts.
 
     Args:
         generation: How rows become motions.
+        pipeline: The model.
         prompts: Text file or CSV; see `read_rows`.
         seed: Seed of the first row; later rows count up from it.
         rows: Rows of a shard.
@@ -213,7 +213,6 @@ def work_of(generation: BulkGeneration, prompts: Path, seed: int = 0, rows: int 
     Raises:
         FileFormatError: The prompts cannot be read.
         InputError: The model does not support the settings, or a number is out of range.
-        ModelError: The model cannot be loaded.
     """
     if rows < 1 or seed < 0:
         raise InputError(f"{rows} rows of a shard, seed {seed}: expected 1 or more, 0 or more")
@@ -225,30 +224,33 @@ def work_of(generation: BulkGeneration, prompts: Path, seed: int = 0, rows: int 
     if generation.fps is not None:
         check_fps(generation.fps)
     every = tuple(read_rows(prompts, seed))
-    generation = replace(generation, weights=_hash_of(find_model(generation.model)))
-    pipeline = opened(generation)
     generation.check(pipeline)
-    plain = {**vars(generation), "options": [str(option) for option in generation.options]}
-    del plain["open"]
-    settings = {**plain, "model": pipeline.card.name, "seed": seed, "rows": rows}
-    settings |= {"prompts": sha256(prompts), "version": __version__}
+    folder = find_model(generation.model)
+    files = sorted(file for pattern in _MODEL_FILES for file in folder.glob(pattern))
+    settings = {
+        **vars(generation),
+        "options": [str(option) for option in generation.options],
+        "model": pipeline.card.name,
+        "weights": hashlib.sha256("".join(map(sha256, files)).encode()).hexdigest(),
+        "prompts": sha256(prompts),
+        "version": __version__,
+        "seed": seed,
+        "rows": rows,
+    }
     starts = range(0, len(every), rows)
     tasks = {
         f"motions-{number:05d}.{'csv' if one_each else generation.format}": partial(
-            make_shard, generation, every[start : start + rows]
+            make_shard, generation, pipeline, every[start : start + rows]
         )
         for number, start in enumerate(starts)
     }
     return Work(ShardedRun(settings, len(every), tuple(tasks)), tasks)
 
 
-def make_shard(generation: BulkGeneration, rows: Sequence[PromptRow]) -> ShardContent:
-    """Generates the motions of a shard.
-
-    Raises:
-        ModelError: The model cannot be loaded, or is not the one that the run was started with.
-    """
-    pipeline = opened(generation)
+def make_shard(
+    generation: BulkGeneration, pipeline: MotionPipeline, rows: Sequence[PromptRow]
+) -> ShardContent:
+    """Generates the motions of a shard."""
     problems = {row.line: generation.problem(pipeline, row) for row in rows}
     good = [row for row in rows if not problems[row.line]]
     motions = generation.motions(pipeline, good)
@@ -301,24 +303,3 @@ def _table(
     for file, row, motion in zip(files, rows, motions, strict=True):
         writer.writerow([file, row.line, row.seed, f"{motion.seconds:g}", row.prompt])
     return text.getvalue().encode()
-
-
-@lru_cache(maxsize=1)
-def opened(generation: BulkGeneration) -> MotionPipeline:
-    """Returns the model of a generation, which a process opens once.
-
-    Raises:
-        ModelError: It cannot be loaded, or is not the one that the run was started with.
-    """
-    folder = find_model(generation.model)
-    if generation.weights and _hash_of(folder) != generation.weights:
-        raise ModelError(
-            f"{folder} is not the model that the run was started with; copy that one here"
-        )
-    return generation.open(generation.model, *generation.options)
-
-
-def _hash_of(folder: Path) -> str:
-    """Returns the SHA-256 of the files that make a model, as hexadecimal digits."""
-    files = sorted(file for pattern in _MODEL_FILES for file in folder.glob(pattern))
-    return hashlib.sha256("".join(map(sha256, files)).encode()).hexdigest()

@@ -137,7 +137,7 @@ def test_a_file_for_each_motion(prompts: Path, tmp_path: Path, form: str) -> Non
     with pytest.raises(SystemExit):
         main(["bulk", "-o", str(tmp_path / "clips"), "--check"])
     with pytest.raises(InputError, match="--preset and --fps are those of files"):
-        work_of(BulkGeneration(preset="unity"), prompts)
+        work_of(BulkGeneration(preset="unity"), MotionPipeline.from_pretrained(), prompts)
 
 
 def test_rows_of_tables_have_lengths_and_seeds_of_their_own(tmp_path: Path) -> None:
@@ -156,7 +156,8 @@ def test_rows_of_tables_have_lengths_and_seeds_of_their_own(tmp_path: Path) -> N
 def test_lengths_out_of_range_are_wrong_rows(tmp_path: Path) -> None:
     path = tmp_path / "prompts.csv"
     path.write_text("prompt,seconds\na person walks,2\na person walks,99\na person walks,0\n")
-    manifest = shards.make(work_of(BulkGeneration(clean=False), path), at(tmp_path / "out"))
+    work = work_of(BulkGeneration(clean=False), MotionPipeline.from_pretrained(), path)
+    manifest = shards.make(work, at(tmp_path / "out"))
     assert manifest is not None
     assert [wrong.line for wrong in manifest.shards[0].wrong] == [3, 4]
     assert manifest.shards[0].wrong[0].problem.startswith("99 seconds: model 'fast' makes")
@@ -177,8 +178,8 @@ def test_counts_and_turns_are_exact_where_they_may_be() -> None:
     assert "made" not in plain[0].metadata["count"] and "made" not in plain[1].metadata["turn"]
 
 
-def at(folder: Path) -> shards.Folder:
-    return folder_at(str(folder), create=True)
+def at(folder: Path) -> Path:
+    return folder_at(folder, create=True)
 
 
 @pytest.mark.parametrize(
@@ -234,9 +235,11 @@ def test_wrong_options_leave_no_folder(
     assert not (tmp_path / "out").exists()
 
 
-def test_another_model_of_the_same_name_is_refused(prompts: Path) -> None:
-    (task, *_) = work_of(BulkGeneration(), prompts).tasks.values()
-    generation, rows = task.args
-    other = BulkGeneration(**{**vars(generation), "weights": "0" * 64})
-    with pytest.raises(LatentMotionError, match="is not the model that the run was started with"):
-        task.func(other, rows)
+def test_another_model_of_the_same_name_is_refused(
+    prompts: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pipeline = MotionPipeline.from_pretrained()
+    shards.start(work_of(BulkGeneration(), pipeline, prompts).run, at(tmp_path / "out"))
+    monkeypatch.setattr("latentmotion.bulk._MODEL_FILES", ("*.json",))
+    with pytest.raises(InputError, match="another run: weights is"):
+        shards.start(work_of(BulkGeneration(), pipeline, prompts).run, at(tmp_path / "out"))

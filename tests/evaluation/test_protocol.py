@@ -125,7 +125,7 @@ def test_the_same_seed_repeats_and_replications_differ(dataset: Dataset) -> None
 
 def test_replications_in_shards_give_the_same_report(dataset: Dataset, tmp_path: Path) -> None:
     comparison = Comparison((noise_model(),), dataset, Echo(), SMALL)
-    folder = folder_at(str(tmp_path / "replications"), create=True)
+    folder = folder_at(tmp_path / "replications", create=True)
     assert shards.make(comparison.work(), folder, ShardSubset(2, 2)) is None
     manifest = shards.make(comparison.work(), folder, ShardSubset(1, 2))
     assert manifest is not None and len(manifest.shards) == 3
@@ -133,7 +133,7 @@ def test_replications_in_shards_give_the_same_report(dataset: Dataset, tmp_path:
     other = Comparison((noise_model(),), dataset, Echo(), replace(SMALL, seed=1))
     with pytest.raises(InputError, match="another run"):
         shards.make(other.work(), folder)
-    folder.write("replication-00001.json", b"{")
+    (folder / "replication-00001.json").write_bytes(b"{")
     with pytest.raises(FileFormatError, match="replication-00001"):
         comparison.report_of(folder, manifest)
 

@@ -66,6 +66,24 @@ class Called:
         return self.wait(self.client.post(path, json=body, **options))
 
 
+class InLoop(httpx.BaseTransport):
+    """Lets a blocking client in a thread call a service that runs in this process."""
+
+    def __init__(self, called: Called) -> None:
+        self.loop, self.transport = called.loop, httpx.ASGITransport(called.app)
+
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        async def answered() -> httpx.Response:
+            asked = httpx.Request(
+                request.method, request.url, headers=request.headers, content=request.read()
+            )
+            answer = await self.transport.handle_async_request(asked)
+            headers, content = answer.headers, await answer.aread()
+            return httpx.Response(answer.status_code, headers=headers, content=content)
+
+        return asyncio.run_coroutine_threadsafe(answered(), self.loop).result()
+
+
 async def kill_writers(called: Called, times: int) -> None:
     """Kills the only process that writes files when it has a task, and its successors as well."""
     writers, killed = called.service.writers, set[int]()

@@ -8,16 +8,15 @@ import socket
 from collections.abc import Callable
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any
 
 import httpx
 import numpy as np
 import pytest
 
 from latentmotion import client as clients
-from latentmotion.client import AsyncClient, Client, ServiceError
+from latentmotion.client import Client, ServiceError
 from latentmotion.errors import LatentMotionError
-from tests.service.conftest import Called
+from tests.service.conftest import Called, InLoop
 from tests.support.pages import walking
 
 Handler = Callable[[httpx.Request], httpx.Response]
@@ -27,47 +26,51 @@ def answering(handler: Handler) -> Client:
     return Client("http://service", transport=httpx.MockTransport(handler))
 
 
-async def asked(called: Called, talk: Callable[[AsyncClient], Any]) -> Any:
-    transport = httpx.ASGITransport(called.app)
-    async with AsyncClient("http://localhost", transport=transport) as client:
-        return await talk(client)
+def talking(called: Called, talk: Callable[[Client], None]) -> None:
+    """Lets a client talk to a service that runs in this process."""
+
+    def run() -> None:
+        with Client("http://localhost", transport=InLoop(called)) as client:
+            talk(client)
+
+    called.wait(asyncio.to_thread(run))
 
 
 def test_motions_come_back_as_motions(called: Called, tmp_path: Path) -> None:
-    async def talk(client: AsyncClient) -> None:
-        motion = await client.motion("a person walks", seconds=1, seed=4)
+    def talk(client: Client) -> None:
+        motion = client.motion("a person walks", seconds=1, seed=4)
         assert (motion.caption, len(motion), motion.metadata["seed"]) == ("a person walks", 20, 4)
-        first, second = await client.batch(["a person walks", "a person jumps"], seconds=1, seed=4)
+        first, second = client.batch(["a person walks", "a person jumps"], seconds=1, seed=4)
         np.testing.assert_array_equal(first.joints, motion.joints)
         assert second.caption == "a person jumps"
-        assert (await client.models())[0]["name"] == "fast"
+        assert client.models()[0]["name"] == "fast"
 
         walking(1.0).save(tmp_path / "walk.bvh")
-        assert (await client.clean(tmp_path / "walk.bvh")).startswith(b"glTF")
-        assert (await client.convert(tmp_path / "walk.bvh", "csv", fps=10)).count(b"\n") >= 10
-        found = await client.retarget(tmp_path / "walk.bvh", "a person walks", "bvh", seconds=1)
+        assert client.clean(tmp_path / "walk.bvh").startswith(b"glTF")
+        assert client.convert(tmp_path / "walk.bvh", "csv", fps=10).count(b"\n") >= 10
+        found = client.retarget(tmp_path / "walk.bvh", "a person walks", "bvh", seconds=1)
         assert found.startswith(b"HIERARCHY")
 
-        job = await client.job(["a person walks"], seconds=1, seed=4, clean=False)
-        (made,) = clients.read_motions(await job.result())
+        job = client.job(["a person walks"], seconds=1, seed=4, clean=False)
+        (made,) = clients.read_motions(job.result())
         assert made.metadata["seed"] == 4
-        await job.delete()
+        job.delete()
         with pytest.raises(ServiceError, match="no such job"):
-            await job.state()
+            job.state()
 
-    called.wait(asked(called, talk))
+    talking(called, talk)
 
 
 def test_a_timeline_has_its_prompts_and_parts(called: Called) -> None:
     wave = ("right_arm", "a person waves", 0.5, 1.5)
 
-    async def talk(client: AsyncClient) -> None:
-        motion = await client.timeline([("a person walks", 1), "a person jumps"], [wave], seed=4)
+    def talk(client: Client) -> None:
+        motion = client.timeline([("a person walks", 1), "a person jumps"], [wave], seed=4)
         prompts = ["a person walks", "a person jumps", "a person waves"]
         assert [span["prompt"] for span in motion.metadata["spans"]] == prompts
         assert motion.metadata["seed"] == 4
 
-    called.wait(asked(called, talk))
+    talking(called, talk)
     sent: list[httpx.Request] = []
     refused = httpx.Response(422, json={"detail": "no"})
     client = answering(lambda request: sent.append(request) or refused)
@@ -87,12 +90,12 @@ def test_a_timeline_has_its_prompts_and_parts(called: Called) -> None:
 
 
 def test_the_services_words_are_told(called: Called) -> None:
-    async def talk(client: AsyncClient) -> None:
+    def talk(client: Client) -> None:
         with pytest.raises(ServiceError, match="the sentence is empty") as error:
-            await client.motion("")
+            client.motion("")
         assert error.value.status == 422
 
-    called.wait(asked(called, talk))
+    talking(called, talk)
 
 
 def test_a_busy_service_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,38 +148,26 @@ class Stub:
         self.place.close()
 
 
-def models_by_client(address: str, patience: float = 60.0) -> object:
+def models_of(address: str, patience: float = 60.0) -> object:
     with Client(address, patience=patience) as client:
         return client.models()
 
 
-def models_by_async_client(address: str, patience: float = 60.0) -> object:
-    async def ask() -> object:
-        async with AsyncClient(address, patience=patience) as client:
-            return await client.models()
-
-    return asyncio.run(ask())
-
-
-@pytest.mark.parametrize("models", [models_by_client, models_by_async_client])
 @pytest.mark.parametrize("first", [[NOTHING], [HALF], [BUSY], [NOTHING, BUSY, BROKEN, NOBODY]])
 def test_what_was_lost_or_refused_is_asked_again(
-    models: Callable[..., object], first: list[bytes], monkeypatch: pytest.MonkeyPatch
+    first: list[bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(clients, "PAUSE", 0.0)
     stub = Stub(*first, OK)
-    assert models(stub.address) == []
+    assert models_of(stub.address) == []
     assert stub.asked == len(first) + 1
 
 
-@pytest.mark.parametrize("models", [models_by_client, models_by_async_client])
 @pytest.mark.parametrize("first", [NOTHING, BUSY])
-def test_nothing_is_asked_again_without_patience(
-    models: Callable[..., object], first: bytes
-) -> None:
+def test_nothing_is_asked_again_without_patience(first: bytes) -> None:
     stub = Stub(first, OK)
     with pytest.raises(LatentMotionError):
-        models(stub.address, patience=0.0)
+        models_of(stub.address, patience=0.0)
     assert stub.asked == 1
 
 
@@ -185,7 +176,7 @@ def test_lost_answers_are_given_up_after_some(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(clients.time, "sleep", waited.append)
     stub = Stub(*[NOTHING] * 4)
     with pytest.raises(LatentMotionError, match="no service at"):
-        models_by_client(stub.address)
+        models_of(stub.address)
     assert stub.asked == 4
     assert waited == [0.1, 0.2, 0.4]
 
@@ -214,7 +205,7 @@ def test_a_service_that_starts_is_found(monkeypatch: pytest.MonkeyPatch) -> None
         address, answers = f"http://127.0.0.1:{place.getsockname()[1]}", []
         listens = Event()
         monkeypatch.setattr(clients.time, "sleep", lambda _: (place.listen(), listens.set()))
-        call = Thread(target=lambda: answers.append(models_by_client(address)))
+        call = Thread(target=lambda: answers.append(models_of(address)))
         call.start()
         assert listens.wait(60)
         with place.accept()[0] as link:
@@ -239,12 +230,3 @@ def test_the_token_is_sent() -> None:
     transport = httpx.MockTransport(handler)
     with Client("http://service", "a-secret", transport=transport) as client:
         assert client.models()[0]["authorization"] == "Bearer a-secret"
-
-
-def test_both_clients_can_do_the_same() -> None:
-    def public(kind: type) -> set[str]:
-        return {name for name in dir(kind) if not name.startswith("_")}
-
-    assert {"motion", "job", "stream"} < public(Client) == public(AsyncClient)
-    assert {"state", "result"} < public(clients.Job) == public(clients.AsyncJob)
-    assert public(clients.Stream) == public(clients.AsyncStream)

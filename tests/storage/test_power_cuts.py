@@ -152,7 +152,7 @@ def a_run(root: Path, acknowledge: Acknowledge) -> None:
     content = shards.ShardContent(b"motions", 1, ())
     tasks = {name: lambda: content for name in ("1.bin", "2.bin")}
     work = shards.Work(shards.ShardedRun({"seed": 1}, 2, tuple(tasks)), tasks)
-    folder = folder_at(str(root / "run"), create=True)
+    folder = folder_at(root / "run", create=True)
     shards.make(work, folder, report=lambda record: acknowledge(f"run/{record.name}", "motions"))
     acknowledge("run/manifest.json", "2.bin")
 

@@ -1,4 +1,4 @@
-"""Work in shards: killed at any moment, repeated, checked; folders at an address."""
+"""Work in shards: killed at any moment, repeated, checked."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def content(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture
 def whole(tmp_path: Path) -> dict[str, bytes]:
-    manifest = shards.make(work(), folder_at(str(tmp_path / "whole"), create=True))
+    manifest = shards.make(work(), folder_at(tmp_path / "whole", create=True))
     assert manifest is not None and len(manifest.shards) == COUNT
     return content(tmp_path / "whole")
 
@@ -103,15 +103,15 @@ def test_two_workers_killed_at_random_make_the_same_bytes(
         kills += sum(code != 0 for code in codes)
         waiting = [share for share, code in zip(waiting, codes, strict=True) if code]
     assert kills >= 3
-    shards.make(work(), folder_at(str(folder)))
+    shards.make(work(), folder_at(folder))
     assert content(folder) == whole
-    shards.check(folder_at(str(folder)))
+    shards.check(folder_at(folder))
 
 
 def test_finished_shards_are_skipped(whole: dict[str, bytes], tmp_path: Path) -> None:
     made: list[str] = []
     (tmp_path / "whole" / f"{NAMES[4]}.json").unlink()
-    again = folder_at(str(tmp_path / "whole"))
+    again = folder_at(tmp_path / "whole")
     shards.make(work(), again, report=lambda record: made.append(record.name))
     assert made == [NAMES[4]]
     assert content(tmp_path / "whole") == whole
@@ -121,7 +121,7 @@ def test_finished_shards_are_skipped(whole: dict[str, bytes], tmp_path: Path) ->
 def test_shares_cover_every_shard_once(count: int, whole: dict[str, bytes], tmp_path: Path) -> None:
     shares = [ShardSubset(number, count) for number in range(1, count + 1)]
     assert sorted(name for share in shares for name in share.of(NAMES)) == sorted(NAMES)
-    folder = folder_at(str(tmp_path / "shared"), create=True)
+    folder = folder_at(tmp_path / "shared", create=True)
     manifests = [shards.make(work(), folder, share) for share in shares]
     assert manifests[-1] is not None
     assert content(tmp_path / "shared") == whole
@@ -135,18 +135,18 @@ def test_a_wrong_share_is_refused(text: str) -> None:
 
 def test_another_run_is_refused(whole: dict[str, bytes], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="another run: seed is 0 there, 1 here"):
-        shards.make(work(1), folder_at(str(tmp_path / "whole")))
+        shards.make(work(1), folder_at(tmp_path / "whole"))
     assert content(tmp_path / "whole") == whole
 
 
 def test_a_shard_of_another_run_is_not_taken(tmp_path: Path) -> None:
     for seed in (0, 1):
-        folder = folder_at(str(tmp_path / str(seed)), create=True)
+        folder = folder_at(tmp_path / str(seed), create=True)
         shards.make(work(seed), folder, ShardSubset(1, 2))
     other = tmp_path / "1" / f"{NAMES[0]}.json"
     (tmp_path / "0" / other.name).write_bytes(other.read_bytes())
     with pytest.raises(DataError, match=r"numbers-0\.txt is of another run"):
-        shards.make(work(), folder_at(str(tmp_path / "0")))
+        shards.make(work(), folder_at(tmp_path / "0"))
 
 
 def damaged(name: str, tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def damaged(name: str, tmp_path: Path) -> None:
 def test_a_check_finds_changes_gaps_and_missing_items(
     whole: dict[str, bytes], tmp_path: Path
 ) -> None:
-    folder, path = folder_at(str(tmp_path / "whole")), tmp_path / "whole"
+    folder, path = folder_at(tmp_path / "whole"), tmp_path / "whole"
     damaged(NAMES[2], tmp_path)
     (path / NAMES[3]).unlink()
     (path / NAMES[5]).write_bytes(b"")
@@ -176,7 +176,7 @@ def test_a_check_finds_changes_gaps_and_missing_items(
 
 
 def test_a_check_names_what_is_not_finished(tmp_path: Path) -> None:
-    folder = folder_at(str(tmp_path / "run"), create=True)
+    folder = folder_at(tmp_path / "run", create=True)
     with pytest.raises(DataError, match=r"no run: it has no run\.json"):
         shards.check(folder)
     shards.make(work(), folder, ShardSubset(2, 2))
@@ -184,23 +184,6 @@ def test_a_check_names_what_is_not_finished(tmp_path: Path) -> None:
         shards.check(folder)
 
 
-def test_a_url_holds_the_same_bytes(whole: dict[str, bytes]) -> None:
-    fsspec = pytest.importorskip("fsspec")
-    memory = fsspec.filesystem("memory")
-    memory.pipe_file("/bulk/numbers/.left.txt.part", b"half")
-    folder = folder_at("memory://bulk/numbers", create=True)
-    shards.make(work(), folder, ShardSubset(2, 2))
-    shards.make(work(), folder)
-    shards.check(folder)
-    assert {name: folder.read(name) for name in folder.names()} == whole
-    with pytest.raises(InputError, match="cannot use memory://bulk/numbers"):
-        folder.read("nothing")
-    with pytest.raises(InputError, match="Protocol not known: nowhere"):
-        folder_at("nowhere://a")
-
-
-def test_a_url_without_fsspec_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "fsspec.core", None)
-    with pytest.raises(Exception, match=r'pip install "latentmotion\[bulk\]"'):
-        folder_at("s3://bucket/motions")
-    assert folder_at(str(Path.cwd())).names()
+def test_an_address_is_no_folder() -> None:
+    with pytest.raises(InputError, match="is an address; expected a folder"):
+        folder_at("s3://bucket/motions", create=True)

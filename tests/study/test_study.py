@@ -22,7 +22,6 @@ from latentmotion.study.design import (
     check_lengths,
     design,
     study_html,
-    write_study_page,
 )
 from latentmotion.study.report import (
     Answer,
@@ -204,7 +203,7 @@ def test_a_browser_rates_goes_on_later_and_saves(
 ) -> None:
     study = design(pairs(), "one", "two", 5)
     page, key, saved = (tmp_path / name for name in ("s.html", "s.key.json", "ada.json"))
-    write_study_page(page, study)
+    page.write_text(study_html(study), "utf-8")
     write_json(key, study.key)
     first = run_script(page, RATING, tmp_path / "profile", "--disable-3d-apis")
     assert first["first"] == first["still"] == study.key.pairs[0].prompt

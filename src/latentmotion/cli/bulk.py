@@ -29,14 +29,14 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
     Examples:
         latentmotion bulk prompts.txt -o motions
         latentmotion bulk prompts.txt -o clips --format glb --preset unreal --rows 32
-        latentmotion bulk prompts.csv -o s3://bucket/motions --shard 3/16
+        latentmotion bulk prompts.csv -o shared/motions --shard 3/16
     """
 
     prompts: Annotated[Positional[Path | None], arg(metavar="PROMPTS")] = None
     """Text file with one prompt per line, or CSV with the column prompt and, if wanted, seconds and
     seed."""
-    output: Annotated[str, arg(aliases=["-o"])] = "motions"
-    """Folder to write, or a URL of any file system of fsspec (s3://, gs://, sftp://)."""
+    output: Annotated[Path, arg(aliases=["-o"])] = Path("motions")
+    """Folder to write."""
     shard: str | None = None
     """Make only a part of the shards, such as 3/16: the third of sixteen processes."""
     check: bool = False
@@ -89,8 +89,9 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
         opening = (self.runtime, self.threads, self.text_encoder, self.execution)
         shared = {f.name for f in fields(BulkGeneration)} & {f.name for f in fields(self)}
         settings = {name: getattr(self, name) for name in shared}
-        generation = BulkGeneration(load_generator, options=opening, **settings)
-        work = work_of(generation, self.prompts, self.seed, self.rows)
+        pipeline = load_generator(self.model, *opening)
+        generation = BulkGeneration(options=opening, **settings)
+        work = work_of(generation, pipeline, self.prompts, self.seed, self.rows)
         if self.check:
             folder = folder_at(self.output)
             manifest = shards.check(folder)

@@ -118,7 +118,7 @@ class _PrepareInParts(_Prepare):
             versioned = {"version": __version__, **settings}
             work = packing.work_of(groups(packing.FILES), representation, versioned)
             beside = self.output.with_name(f"{self.output.name}.recordings")
-            folder = folder_at(str(beside), create=True)
+            folder = folder_at(beside, create=True)
 
             def report(record: shards.Record) -> None:
                 print(f"{record.name}: {record.items} files", file=sys.stderr, flush=True)

@@ -191,7 +191,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         share, output = ShardSubset.parse(shard), self.output
         if output is None:
             raise InputError("--shard keeps scores beside the report; name its folder by --output")
-        folder = folder_at(str(output.with_name(f"{output.name}.replications")), create=True)
+        folder = folder_at(output.with_name(f"{output.name}.replications"), create=True)
         manifest = shards.make(comparison.work(), folder, share)
         return manifest and comparison.report_of(folder, manifest)
 

@@ -16,7 +16,7 @@ from latentmotion.cli import options
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.model.card import DEFAULT, find_model
 from latentmotion.storage.configuration import to_json, write_json
-from latentmotion.storage.files import check_replaceable, check_writable
+from latentmotion.storage.files import check_replaceable, check_writable, write_file
 from latentmotion.viewer import site
 
 
@@ -63,7 +63,7 @@ class MakeStudy:
         pairs = [design.Pair(prompt, seed, a, b) for (prompt, seed), (a, b) in rows]
         seed = secrets.randbits(32) if self.order_seed is None else self.order_seed
         study = design.design(pairs, design.describe(self.a), design.describe(self.b), seed)
-        design.write_study_page(self.output, study)
+        write_file(self.output, design.study_html(study))
         write_json(self.output.with_suffix(".key.json"), study.key)
         number = "1 pair" if len(pairs) == 1 else f"{len(pairs)} pairs"
         print(f"wrote {self.output} ({number}), for raters")

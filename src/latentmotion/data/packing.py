@@ -41,7 +41,6 @@ from latentmotion.representation.interface import Representation
 from latentmotion.storage import files, shards
 from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.storage.reading import blamed_on, parse_json
-from latentmotion.storage.shards import Folder
 
 # Meters that a joint may be off after packing.
 _FURTHEST = 0.001
@@ -145,15 +144,15 @@ def work_of(
     return shards.Work(shards.ShardedRun(about, len(files), tuple(tasks)), tasks)
 
 
-def recordings_of(folder: Folder) -> Iterator[EncodedRecording | Dropped]:
+def recordings_of(folder: Path) -> Iterator[EncodedRecording | Dropped]:
     """Yields what finished shards hold, in the order of the files.
 
     Raises:
         DataError: A shard is missing or damaged.
     """
     for record in shards.check(folder).shards:
-        path = f"{folder}/{record.name}"
-        arrays = load(folder.read(record.name))
+        path = folder / record.name
+        arrays = load(path.read_bytes())
         with blamed_on(path):
             for number, item in enumerate(parse_json(arrays[_ABOUT].tobytes(), path)):
                 if item["kind"] == Dropped.__name__:

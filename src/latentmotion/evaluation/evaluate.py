@@ -51,8 +51,8 @@ from latentmotion.evaluation.scores import (
 from latentmotion.plugins import plugins
 from latentmotion.progress import counted
 from latentmotion.storage.configuration import to_json
-from latentmotion.storage.reading import parse_json
-from latentmotion.storage.shards import Folder, ShardContent, ShardedRun, ShardManifest, Work
+from latentmotion.storage.reading import read_json_file
+from latentmotion.storage.shards import ShardContent, ShardedRun, ShardManifest, Work
 
 
 def evaluate(
@@ -234,14 +234,13 @@ class Comparison:
         }
         return Work(ShardedRun(settings, len(tasks), tuple(tasks)), tasks)
 
-    def report_of(self, folder: Folder, manifest: ShardManifest) -> Report:
+    def report_of(self, folder: Path, manifest: ShardManifest) -> Report:
         """Returns the report of finished shards.
 
         Raises:
             DataError: A shard is damaged.
         """
-        names = [record.name for record in manifest.shards]
-        return self.report([parse_json(folder.read(name), f"{folder}/{name}") for name in names])
+        return self.report([read_json_file(folder / record.name) for record in manifest.shards])
 
     def _measure(
         self, candidate: Candidate, replication: Replication, real: Embeddings | None

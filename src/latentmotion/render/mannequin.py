@@ -21,6 +21,7 @@ from importlib import resources
 import numpy as np
 from jaxtyping import Float, Int
 
+from latentmotion.kinematics.rotations import matrix_between
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.motion import Motion
 
@@ -114,7 +115,7 @@ def make_mannequin(skeleton: Skeleton) -> Mannequin:
             tip = HUMANML3D.names.index(f"{side}_{name}")
             arm = asset.anchors[:, 1] == tip
             bone = HUMANML3D.parents[tip]
-            turn = _turn(rest[tip] - rest[bone], places[tip] - places[bone])
+            turn = matrix_between(rest[tip] - rest[bone], places[tip] - places[bone])
             beside[arm] = beside[arm] @ turn.T
     vertices = start + share * (end - start) + beside
     joints = np.pad(carriers[asset.joints], ((0, 0), (0, 2)))
@@ -210,15 +211,6 @@ def _length(skeleton: Skeleton) -> float:
     rest, index = skeleton.rest_joints(), skeleton.names.index
     ways = (("left_hip", "left_knee"), ("left_knee", "left_ankle"), ("pelvis", "head"))
     return max(0.1, sum(float(np.linalg.norm(rest[index(b)] - rest[index(a)])) for a, b in ways))
-
-
-def _turn(start: Float[np.ndarray, " 3"], end: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    """Returns the least rotation of one direction to another."""
-    a, b = (v / max(float(np.linalg.norm(v)), 1e-9) for v in (start, end))
-    axis, cosine = np.cross(a, b), float(a @ b)
-    x, y, z = axis
-    cross = np.array([(0, -z, y), (z, 0, -x), (-y, x, 0)])
-    return np.eye(3) + cross + cross @ cross / max(1 + cosine, 1e-6)
 
 
 def _sticks(skeleton: Skeleton) -> Mannequin:

@@ -119,14 +119,10 @@ def camera_of_all(
 
 def half_front(motion: Motion) -> float:
     """Returns the azimuth that shows the person half from the front at the start."""
+    left, right = (motion.skeleton.names.index(f"{side}_hip") for side in ("left", "right"))
+    across = motion.joints[0, left] - motion.joints[0, right]
     # At 38 degrees neither arm hides behind the trunk, and steps are seen as they go forward.
-    return facing(motion.joints, motion.skeleton.names) - np.radians(38)
-
-
-def facing(joints: Float[np.ndarray, "frames joints 3"], names: Sequence[str]) -> float:
-    """Returns the heading of the first frame: the angle about the vertical from +z to +x."""
-    across = joints[0, names.index("left_hip")] - joints[0, names.index("right_hip")]
-    return float(np.arctan2(-across[2], across[0]))
+    return float(np.arctan2(-across[2], across[0])) - np.radians(38)
 
 
 try:
@@ -149,6 +145,7 @@ _BODY = (196, 201, 210)
 _FRAGMENTS = 1 << 20
 
 _GRID = (205, 211, 220)
+_MESH = 0.5  # Meters between the lines of the grid.
 _SHADOW = (176, 183, 196)
 _SHADOW_REDUCTION = 4
 # Direction of the light in the camera's axes: right, up, ahead.
@@ -218,17 +215,15 @@ def new_picture(size: tuple[int, int]) -> Picture:
     return Image.new("RGB", oversampled(size), BACKGROUND)
 
 
-def paint_floor(
-    picture: Picture, camera: Camera, height: float, reach: float, spacing: float = 0.5
-) -> None:
+def paint_floor(picture: Picture, camera: Camera, height: float, reach: float) -> None:
     """Draws a grid on the floor around the camera's target that fades with the distance."""
     # Lines along x and z stay where they are when the target moves.
-    across = np.arange(-np.ceil(reach / spacing), np.ceil(reach / spacing) + 1) * spacing
+    across = np.arange(-np.ceil(reach / _MESH), np.ceil(reach / _MESH) + 1) * _MESH
     still, moving = np.meshgrid(across, np.linspace(-reach, reach, 17), indexing="ij")
     grids = []
     for axis in (0, 2):
         points = np.full((*still.shape, 3), height)
-        points[..., axis] = still + np.round(camera.target[axis] / spacing) * spacing
+        points[..., axis] = still + np.round(camera.target[axis] / _MESH) * _MESH
         points[..., 2 - axis] = moving + camera.target[2 - axis]
         grids.append(points)
     lines = np.concatenate(grids)

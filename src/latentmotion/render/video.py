@@ -75,8 +75,10 @@ def write(
         raise InputError(f"{len(motions)} takes in one video; expected at most {MOST_TAKES}")
     is_gif = Path(path).suffix.lower() == ".gif"
     if size is None:
-        is_wide = is_gif and len(motions) > 1
-        size = min(SIZE, _height_of(_GIF_WIDTH, len(motions))) if is_wide else SIZE
+        size = SIZE
+        if is_gif and len(motions) > 1:
+            # Panels of several takes are three quarters as wide as high, and heights are even.
+            size = min(SIZE, max(SIZES[0], _GIF_WIDTH // len(motions) * 4 // 3 // 2 * 2))
     if len({motion.fps for motion in motions}) > 1:
         raise InputError("the takes of one video must share a frame rate; write several files")
     if size % 2 or not SIZES[0] <= size <= SIZES[1]:
@@ -84,6 +86,7 @@ def write(
             f"a video of size {size}; expected an even number {SIZES[0]} to {SIZES[1]}"
         )
     if not is_gif:
+        check_ready(".mp4")
         with atomic_file(path) as temporary:
             _write_mp4(temporary, frames(motions, size, view, figure), motions[0].fps)
         return [Path(path)]
@@ -101,11 +104,6 @@ def write(
         options = {"save_all": True, "append_images": rest, "duration": durations, "loop": 0}
         first.save(temporary, format="GIF", **options)
     return [Path(path)]
-
-
-def _height_of(width: int, takes: int) -> int:
-    """Returns the height of a video of several takes that is at most so wide, pixels."""
-    return max(SIZES[0], width // takes * 4 // 3 // 2 * 2)
 
 
 def frames(
@@ -190,10 +188,8 @@ def check_ready(ending: str) -> None:
 
 
 def _write_mp4(path: Path, pictures: Iterator[Picture], fps: float) -> None:
-    try:
-        import av
-    except ImportError as error:
-        raise MissingExtraError("writing .mp4", "PyAV (av)", "video") from error
+    import av
+
     with av.open(str(path), "w", format="mp4") as container:
         rate = Fraction(fps).limit_denominator(1000)
         stream = None

@@ -189,7 +189,7 @@ class _Mujoco:
         self._collect(root, source, 0)
         compiler = [c.attrib for c in self.sections.get("compiler", [])]
         options = {key: value for attributes in compiler for key, value in attributes.items()}
-        self.degrees = options.get("angle", "degree") == "degree"
+        self.turn = np.pi / 180 if options.get("angle", "degree") == "degree" else 1.0  # radians
         self.sequence = options.get("eulerseq", "xyz")
         self.meshes = source.parent / options.get("meshdir", options.get("assetdir", ""))
         self.files = {
@@ -252,8 +252,10 @@ class _Mujoco:
                     "hinge": hinge.get("name", f"hinge{self.count}"),
                     "axis": _unit(_numbers(hinge.get("axis"), "0 0 1")),
                     "anchor": _numbers(hinge.get("pos"), "0 0 0"),
-                    "limits": self._limits(hinge),
                 }
+                if hinge.get("limited") != "false" and "range" in hinge:
+                    low, high = self.turn * _numbers(hinge["range"], "0 0")
+                    turns["limits"] = float(low), float(high)
             last = shape if number + 1 >= len(hinges) else {}
             yield Link(parent, offset, rotation, **turns, **last)
             parent, offset, rotation = self.count, np.zeros(3), np.eye(3)
@@ -261,16 +263,9 @@ class _Mujoco:
         for child in body.findall("body"):
             yield from self._body(child, parent, kind, depth + 1)
 
-    def _limits(self, hinge: dict[str, str]) -> tuple[float, float]:
-        if hinge.get("limited") == "false" or "range" not in hinge:
-            return -np.pi, np.pi
-        low, high = _numbers(hinge["range"], "0 0") * (np.pi / 180 if self.degrees else 1)
-        return float(low), float(high)
-
     def _rotation(self, values: dict[str, str]) -> Float[np.ndarray, "3 3"]:
-        scale = np.pi / 180 if self.degrees else 1.0
         if "euler" in values:
-            turns = scale * _numbers(values["euler"], "0 0 0")
+            turns = self.turn * _numbers(values["euler"], "0 0 0")
             result = np.eye(3)
             for axis, angle in zip(self.sequence, turns, strict=True):
                 turn = matrix_from_euler(np.array([angle]), axis.upper())
@@ -278,7 +273,7 @@ class _Mujoco:
             return result
         if "axisangle" in values:
             x, y, z, angle = _numbers(values["axisangle"], "0 0 1 0")
-            half = 0.5 * scale * angle
+            half = 0.5 * self.turn * angle
             quaternion = np.array([np.cos(half), *(np.sin(half) * _unit(np.array([x, y, z])))])
             return matrix_from_quaternion(quaternion)
         return matrix_from_quaternion(_unit(_numbers(values.get("quat"), "1 0 0 0")))
@@ -353,13 +348,8 @@ def _urdf(root: ET.Element, source: Path) -> Iterator[Link]:
         points = tuple(partial(_urdf_points, shape, source.parent) for shape in shapes)
         inertial = links[name].find("inertial")
         center = np.zeros(3) if inertial is None else _origin(inertial)[0]
-        yield Link(
-            parent, offset, rotation, shapes=points,
-            center=center, **turns,
-        )  # fmt: skip
-        after = [
-            (_attribute(child, "child", "link"), number, child) for child in below.get(name, [])
-        ]
+        yield Link(parent, offset, rotation, shapes=points, center=center, **turns)
+        after = [(_attribute(each, "child", "link"), number, each) for each in below.get(name, [])]
         queue = after + queue  # depth first, as MuJoCo orders hinges
         number += 1
         if number > _MOST_LINKS:

@@ -137,7 +137,7 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
             allow_origins=service.settings.origins,
             allow_methods=("GET", "POST", "DELETE"),
             allow_headers=("Authorization", "Content-Type"),
-            expose_headers=[*(f"LatentMotion-{name}" for name in _HEADERS), *_MORE_HEADERS],
+            expose_headers=[*_ABOUT_MOTION, *_MORE_HEADERS],
         )
     # Starlette puts the layer that is added last outermost.
     for middleware in reversed(service.settings.middleware):
@@ -269,20 +269,23 @@ def asset_files(package: str) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in files}
 
 
-# What headers `LatentMotion-…` say of a motion.
-_HEADERS = ("Model", "License", "Rights", "Seed", "Frames", "Fps")
+# Headers with what the metadata of a motion say.
+_ABOUT_MOTION = {
+    "LatentMotion-Model": "model",
+    "LatentMotion-License": "weights_license",
+    "LatentMotion-Rights": "rights",
+    "LatentMotion-Seed": "seed",
+}
 
 # Other headers that pages of other sites may read.
-_MORE_HEADERS = ("Content-Disposition", "Retry-After")
+_MORE_HEADERS = ("LatentMotion-Frames", "LatentMotion-Fps", "Content-Disposition", "Retry-After")
 
 
 def _response(motions: Sequence[Motion], content: bytes, form: str) -> Response:
     metadata = motions[0].metadata
-    said = {"Model": "model", "License": "weights_license", "Rights": "rights", "Seed": "seed"}
-    about = {name: str(metadata.get(key, "")) for name, key in said.items()}
-    about |= {"Frames": ",".join(str(len(motion)) for motion in motions)}
-    about |= {"Fps": f"{motions[0].fps:g}"}
-    headers = {f"LatentMotion-{name}": about[name] for name in _HEADERS}
+    headers = {name: str(metadata.get(key, "")) for name, key in _ABOUT_MOTION.items()}
+    headers["LatentMotion-Frames"] = ",".join(str(len(motion)) for motion in motions)
+    headers["LatentMotion-Fps"] = f"{motions[0].fps:g}"
     headers["Content-Disposition"] = f'attachment; filename="motion.{form}"'
     safe = {name: value.encode("ascii", "replace").decode() for name, value in headers.items()}
     return Response(content, headers=safe, media_type=MEDIA_TYPES[form])

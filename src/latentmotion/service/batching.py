@@ -19,6 +19,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
+from functools import partial
 from threading import Condition, Thread, get_native_id
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
@@ -138,9 +139,8 @@ class Batcher:
             threads: Number of threads.
             nice: Their niceness.
         """
-        self._threads = [
-            Thread(target=self._work, args=[nice], daemon=True) for _ in range(threads)
-        ]
+        new = partial(Thread, target=self._work, args=[nice], daemon=True)
+        self._threads = [new() for _ in range(threads)]
         for thread in self._threads:
             thread.start()
 
@@ -182,7 +182,13 @@ class Batcher:
             detail = f"not done within {seconds:g} s, as the service is busy; try again later"
             raise Problem(503, detail, self.wait()) from None
         finally:
-            self._drop(tasks, line)
+            for task in tasks:
+                if task.future.done() and not task.future.cancelled():
+                    task.future.exception()  # it is told, for one of them
+                else:
+                    task.future.cancel()
+                    with self._changed, suppress(ValueError):  # it has begun
+                        line.remove(task)
 
     def wait(self) -> float:
         """Returns the seconds after which a request that waits now is expected to be done."""
@@ -220,16 +226,6 @@ class Batcher:
             self._ends = True
             self._changed.notify_all()
         await asyncio.to_thread(lambda: [thread.join() for thread in self._threads])
-
-    def _drop(self, tasks: Sequence[_Task], line: deque[_Task]) -> None:
-        """Takes tasks that have not begun out of the queue again."""
-        for task in tasks:
-            if task.future.done() and not task.future.cancelled():
-                task.future.exception()  # it is told, for one of them
-                continue
-            task.future.cancel()
-            with self._changed, suppress(ValueError):
-                line.remove(task)
 
     def _work(self, nice: int) -> None:
         if sys.platform == "linux":  # elsewhere it would be the whole process
@@ -315,12 +311,8 @@ def with_recent_prompts(pipeline: MotionPipeline) -> MotionPipeline:
     condition = pipeline.condition
     if not isinstance(condition, SentenceCondition):
         return pipeline
-    return replace(
-        pipeline,
-        condition=replace(
-            condition, encoder=MemoryCachedTextEncoder(condition.encoder, RECENT_PROMPTS)
-        ),
-    )
+    encoder = MemoryCachedTextEncoder(condition.encoder, RECENT_PROMPTS)
+    return replace(pipeline, condition=replace(condition, encoder=encoder))
 
 
 def first_prompt(pipeline: MotionPipeline) -> Prompt:
@@ -358,15 +350,12 @@ def run(
     """
     if not isinstance(key, BatchSettings):
         return [_result_or_error(payload) for payload in payloads]
-    settings = key
+    generated = partial(_motions, pipeline, key)
     try:
-        return _motions(pipeline, settings, payloads)
+        return generated(payloads)
     except LatentMotionError:
         # One of them is at fault, and the others do not pay for it.
-        return [
-            _result_or_error(lambda prompt=payload: _motions(pipeline, settings, [prompt])[0])
-            for payload in payloads
-        ]
+        return [_result_or_error(lambda p=prompt: generated([p])[0]) for prompt in payloads]
 
 
 def _motions(

@@ -176,13 +176,12 @@ class LatentMotionBackbone(Backbone):
         standing = -BODY.rest_joints()[:, 1].min()
         offsets = [(0.0, standing, 0.0), *BODY.offsets[1 : len(HUMANML3D)]]
         joints = [
-            schemas.Joint(
-                name=name,
-                parent=None if parent < 0 else HUMANML3D.names[parent],
-                rest_translation=(float(offset[0]), float(offset[1]), float(offset[2])),
-                rest_rotation=(0.0, 0.0, 0.0, 1.0),
-                display_name=None,
-            )
+            {
+                "name": name,
+                "parent": None if parent < 0 else HUMANML3D.names[parent],
+                "rest_translation": tuple(map(float, offset)),
+                "rest_rotation": (0.0, 0.0, 0.0, 1.0),
+            }
             for name, parent, offset in zip(
                 HUMANML3D.names, HUMANML3D.parents, offsets, strict=True
             )
@@ -191,7 +190,7 @@ class LatentMotionBackbone(Backbone):
         return ModelSpec(
             id=self.model_id,
             fps=self.pipeline.representation.fps,
-            canonical_skeleton=schemas.Skeleton(joints=joints),
+            canonical_skeleton=schemas.Skeleton.model_validate({"joints": joints}),
             supports_retargeting=True,
             supports_joint_translation=True,
             supports_loop=True,
@@ -230,9 +229,8 @@ class LatentMotionBackbone(Backbone):
         self, request: GenerateRequest, stage: TargetFigure, seed: int, fps: float
     ) -> Motion:
         options = request.options or _OPTIONS
-        guidance = (
-            options.guidance.weight[0] if options.guidance and options.guidance.weight else None
-        )
+        weights = options.guidance.weight if options.guidance else None
+        guidance = weights[0] if weights else None
         prompts = [getattr(segment, "prompt", _ANYTHING) for segment in request.segments]
         prompt, seconds = ", then ".join(prompts) or _ANYTHING, request.total_frames / fps
         takes = (options.model_options or {}).get(_TAKES.name)
@@ -356,15 +354,9 @@ def _path(constraint: schemas.RootPathConstraint, scale: float, fps: float) -> l
     return [*turns, *(Reach("pelvis", at, (x, None, z)) for at, (x, z) in places)]
 
 
-def application(
-    pipeline: MotionPipeline, hosts: Sequence[str] = ("localhost", "127.0.0.1")
-) -> FastAPI:
-    """Returns the server of a model: `GET /capabilities` and `POST /generate`.
-
-    Args:
-        pipeline: The model.
-        hosts: Names by which clients may call, so that no web page reaches it by another name.
-    """
+def application(pipeline: MotionPipeline) -> FastAPI:
+    """Returns the server of a model: `GET /capabilities` and `POST /generate`."""
     app = build_app(LatentMotionBackbone(pipeline), title="Latent Motion")
-    app.add_middleware(TrustedHostMiddleware, allowed_hosts=list(hosts))
+    # No web page reaches it by another name that leads to this machine.
+    app.add_middleware(TrustedHostMiddleware, allowed_hosts=["localhost", "127.0.0.1"])
     return app

@@ -300,8 +300,12 @@ async def unless_gone(request: Request, work: Awaitable[T]) -> T:
     Raises:
         ClientGoneError: It went.
     """
-    task = asyncio.ensure_future(work)
-    disconnected = asyncio.ensure_future(_until_disconnect(request))
+
+    async def disconnection() -> None:
+        while (await request.receive())["type"] != "http.disconnect":
+            pass
+
+    task, disconnected = asyncio.ensure_future(work), asyncio.ensure_future(disconnection())
     try:
         await asyncio.wait({task, disconnected}, return_when=asyncio.FIRST_COMPLETED)
         if not task.done():
@@ -310,8 +314,3 @@ async def unless_gone(request: Request, work: Awaitable[T]) -> T:
     finally:
         disconnected.cancel()
         task.cancel()
-
-
-async def _until_disconnect(request: Request) -> None:
-    while (await request.receive())["type"] != "http.disconnect":
-        pass

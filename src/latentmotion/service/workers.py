@@ -11,7 +11,7 @@ from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -121,7 +121,14 @@ class FileWorkers:
         done: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
         job = _FileTask(task, content, time.monotonic() + seconds, done)
         self._tasks[job.client] += 1
-        done.add_done_callback(partial(self._finished, job.client))
+
+        def finished(done: asyncio.Future[Answer]) -> None:
+            self._tasks[job.client] -= 1
+            self._tasks += Counter()  # drops clients that have none
+            if not done.cancelled():
+                done.exception()
+
+        done.add_done_callback(finished)
         self._add(job)
         try:
             # A client that goes does not stop the process, whose answer would come to the next.
@@ -131,9 +138,8 @@ class FileWorkers:
             if job.started:
                 raise WorkerError("not done in time") from None
             self._metrics.shed.labels("files late").inc()
-            raise Problem(
-                503, "the files of others were not done in time; try again", 1.0
-            ) from None
+            detail = "the files of others were not done in time; try again"
+            raise Problem(503, detail, 1.0) from None
         finally:
             if not job.started:
                 done.cancel()
@@ -155,12 +161,6 @@ class FileWorkers:
         self._stopped = True
         for process in tuple(self._started):
             await self._end(process)
-
-    def _finished(self, client: str, done: asyncio.Future[Answer]) -> None:
-        self._tasks[client] -= 1
-        self._tasks += Counter()  # drops clients that have none
-        if not done.cancelled():
-            done.exception()
 
     def _add(self, job: _FileTask) -> None:
         self._waiting.append(job)
@@ -258,14 +258,14 @@ def written(raw: Sequence[RawMotion], form: str, clean: bool, fps: float | None)
     """Returns the task that makes a file of motions, and the bytes that belong to it."""
     heads = [
         {
-            "frames": len(motion),
-            "fps": motion.fps,
-            "caption": motion.caption,
-            "metadata": dict(motion.metadata),
-            "skeleton": _skeleton_json(motion.skeleton),
-            "corrections": to_json(corrections),
+            "frames": len(item.motion),
+            "fps": item.motion.fps,
+            "caption": item.motion.caption,
+            "metadata": dict(item.motion.metadata),
+            "skeleton": _skeleton_json(item.motion.skeleton),
+            "corrections": to_json(item.corrections),
         }
-        for motion, corrections in ((item.motion, item.corrections) for item in raw)
+        for item in raw
     ]
     content = b"".join(item.motion.joints.astype("<f4", copy=False).tobytes() for item in raw)
     return {"verb": "write", "motions": heads, "clean": clean, "fps": fps, "format": form}, content

@@ -26,7 +26,6 @@ from latentmotion.storage.files import atomic_file
 # Names of arrays to read, or a predicate on names.
 ArrayFilter = Callable[[str], bool] | Collection[str]
 
-_NO_ZIP = "not a motion file, nor another .npz: cut short, or no .npz at all"
 _KINDS = "biufU"
 _PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1
@@ -50,21 +49,18 @@ def read_arrays(path: str | Path, select: ArrayFilter) -> dict[str, np.ndarray]:
             numbers or text.
     """
     is_selected = select if callable(select) else select.__contains__
-    with _damage(path), Path(path).open("rb") as opened:
-        if not zipfile.is_zipfile(opened):
-            raise FileFormatError(path, _NO_ZIP)
-        with zipfile.ZipFile(opened) as archive:
-            names = archive.namelist()
-            if len(set(names)) < len(names):
-                raise FileFormatError(path, "holds two arrays of one name; save it again")
-            members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-            members = {name: info for name, info in members.items() if is_selected(name)}
-            check_members(path, list(members.values()))
-            arrays = {}
-            for name, info in members.items():
-                with archive.open(info) as member:
-                    arrays[name] = _array(path, name, member, info.file_size)
-            return arrays
+    with _archive(path) as archive:
+        names = archive.namelist()
+        if len(set(names)) < len(names):
+            raise FileFormatError(path, "holds two arrays of one name; save it again")
+        members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+        members = {name: info for name, info in members.items() if is_selected(name)}
+        check_members(path, list(members.values()))
+        arrays = {}
+        for name, info in members.items():
+            with archive.open(info) as member:
+                arrays[name] = _array(path, name, member, info.file_size)
+        return arrays
 
 
 def names_in(path: str | Path) -> list[str]:
@@ -73,11 +69,8 @@ def names_in(path: str | Path) -> list[str]:
     Raises:
         FileFormatError: It is no `.npz`, or damaged.
     """
-    with _damage(path), Path(path).open("rb") as opened:
-        if not zipfile.is_zipfile(opened):
-            raise FileFormatError(path, _NO_ZIP)
-        with zipfile.ZipFile(opened) as archive:
-            return [name.removesuffix(".npy") for name in archive.namelist()]
+    with _archive(path) as archive:
+        return [name.removesuffix(".npy") for name in archive.namelist()]
 
 
 def read_array(path: str | Path) -> np.ndarray:
@@ -164,6 +157,16 @@ def _array(path: str | Path, name: str, file: BinaryIO | Any, size: int) -> np.n
         if not ((codes <= 0x10FFFF) & (codes >> 11 != 0x1B)).all():  # 0x1B: halves of characters
             raise FileFormatError(path, f"{where} holds characters that do not exist")
     return np.ndarray(shape, dtype, content, order="F" if fortran else "C")
+
+
+@contextmanager
+def _archive(path: str | Path) -> Iterator[zipfile.ZipFile]:
+    with _damage(path), Path(path).open("rb") as opened:
+        if not zipfile.is_zipfile(opened):
+            problem = "not a motion file, nor another .npz: cut short, or no .npz at all"
+            raise FileFormatError(path, problem)
+        with zipfile.ZipFile(opened) as archive:
+            yield archive
 
 
 @contextmanager

@@ -311,12 +311,24 @@ def cache_folder() -> Path | None:
     chosen = os.environ.get(VARIABLE)
     if chosen:
         return None if chosen == "off" else Path(chosen)
-    variable = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME"
-    named = os.environ.get(variable) if sys.platform != "darwin" else None
-    if named:
-        return Path(named) / "latentmotion"
     try:
-        caches = "Library/Caches" if sys.platform == "darwin" else ".cache"
-        return Path.home() / caches / "latentmotion"
+        return user_folder("XDG_CACHE_HOME", ".cache", "Library/Caches")
     except RuntimeError:  # a user without a home
         return None
+
+
+def user_folder(variable: str, usual: str, on_mac: str) -> Path:
+    """Returns this user's folder for files of ours, as the platform has it.
+
+    Args:
+        variable: Environment variable with the folder for all programs; on Windows LOCALAPPDATA.
+        usual: Its usual place below the home.
+        on_mac: Its place there on macOS.
+
+    Raises:
+        RuntimeError: The user has no home.
+    """
+    if sys.platform == "darwin":
+        return Path.home() / on_mac / "latentmotion"
+    named = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else variable)
+    return (Path(named) if named else Path.home() / usual) / "latentmotion"

@@ -162,13 +162,6 @@ _MOST_AXES = 32
 # Names of modules in pickles of Python 2.
 PYTHON_2 = {"__builtin__": "builtins", "copy_reg": "copyreg"}
 
-# Functions that NumPy's own pickles call, by their names in all its versions.
-_REBUILDERS = {
-    "multiarray._reconstruct": _reconstruct,
-    "multiarray.scalar": _scalar,
-    "numeric._frombuffer": _from_buffer,
-}
-
 # Names that a pickle may use, and what it gets for each.
 ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): StandInArray,
@@ -182,10 +175,14 @@ ALLOWED: dict[tuple[str, str], Any] = {
     ("builtins", "bytearray"): _bytes(bytearray),
     ("builtins", "object"): object,
     ("copyreg", "_reconstructor"): _reconstructor,
-    **{
-        (f"{package}.{name.partition('.')[0]}", name.partition(".")[2]): function
+    **{  # functions that NumPy's own pickles call, by their names in all its versions
+        (f"{package}.{module}", name): function
         for package in ("numpy.core", "numpy._core")
-        for name, function in _REBUILDERS.items()
+        for module, name, function in (
+            ("multiarray", "_reconstruct", _reconstruct),
+            ("multiarray", "scalar", _scalar),
+            ("numeric", "_frombuffer", _from_buffer),
+        )
     },
     **{
         (module, "csc_matrix"): _SparseColumns

@@ -75,16 +75,12 @@ def front_matter(fields: Mapping[str, Any]) -> str:
 
 def license_fields(terms: Iterable[str]) -> dict[str, str]:
     """Returns the hub's fields for terms; what has no identifier there is `other`, by its name."""
-    texts = sorted(set(terms))
-    identifiers = {identifier for text in texts if (identifier := _identifier(text))}
+    texts, identifiers = sorted(set(terms)), set[str]()
+    for text in texts:
+        plain = re.sub(r"\s+(unported|international|generic|license)$", "", text.strip().lower())
+        for pattern, identifier in _LICENSES.items():
+            if match := re.fullmatch(pattern, plain):
+                identifiers.add(identifier.format(*match.groups()))
     if len(texts) == len(identifiers) == 1:
         return {"license": identifiers.pop()}
     return {"license": "other", "license_name": "; ".join(texts) or "unknown"}
-
-
-def _identifier(text: str) -> str | None:
-    plain = re.sub(r"\s+(unported|international|generic|license)$", "", text.strip().lower())
-    for pattern, identifier in _LICENSES.items():
-        if match := re.fullmatch(pattern, plain):
-            return identifier.format(*match.groups())
-    return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import lzma
 import math
 import os
 import re
@@ -164,20 +165,15 @@ def parse_json(content: str | bytes, path: str | Path) -> Any:
     return value
 
 
-def unpack_xz(path: str | Path, most: int = limits.MOST_JSON) -> bytes:
+def unpack_xz(path: str | Path) -> bytes:
     """Returns the content of an `.xz` file.
-
-    Args:
-        path: The file.
-        most: Bytes that it may become.
 
     Raises:
         FileFormatError: It cannot be read, is damaged, or becomes too large.
     """
-    import lzma  # Python in the browser has none
-
     packed = read_bytes(path)
-    most = min(most, max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * len(packed)))
+    allowed = max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * len(packed))
+    most = min(limits.MOST_JSON, allowed)
     decompressor = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=limits.XZ_MEMORY)
     try:
         plain = decompressor.decompress(packed, max_length=most + 1)

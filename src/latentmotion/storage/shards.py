@@ -1,14 +1,9 @@
 """Work in shards: files that any process may make, be killed at and make again, to the same bytes.
 
 A shard is a file, which a function without arguments makes, or a table of further files. Beside it
-is its record: size, hash and
-what was counted. The record is written last, so a shard with a record is finished and is skipped.
-`run.json` says what the bytes follow from; who finds every shard finished writes `manifest.json`.
-
-Folders at an address: a local path, or a URL of any file system that fsspec knows.
-
-A file appears under its name only when it is complete: it is written under another name first and
-then renamed.
+is its record: size, hash and what was counted. The record is written last, so a shard with a record
+is finished and is skipped. `run.json` says what the bytes follow from; who finds every shard
+finished writes `manifest.json`. A file appears under its name only when it is complete.
 """
 
 from __future__ import annotations
@@ -16,144 +11,37 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from latentmotion.errors import DataError, InputError, MissingExtraError
+from latentmotion.errors import DataError, InputError
 from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.storage.files import check_writable, remove_left, write_file
 from latentmotion.storage.reading import blamed_on, parse_json, read_bytes
 
-_PART = ".part"
 
-
-@dataclass(frozen=True)
-class LocalFolder:
-    """A folder of this machine."""
-
-    path: Path  # The folder, absolute.
-
-    def __str__(self) -> str:
-        return str(self.path)
-
-    def names(self) -> set[str]:
-        """Returns the names of its files.
-
-        Raises:
-            InputError: It cannot be read.
-        """
-        try:
-            return {entry.name for entry in self.path.iterdir()}
-        except OSError as error:
-            advice = "check its path and permissions"
-            raise InputError(
-                f"cannot read the folder {self.path}: {error.strerror}; {advice}"
-            ) from error
-
-    def read(self, name: str) -> bytes:
-        """Returns the content of a file."""
-        return read_bytes(self.path / name)
-
-    def write(self, name: str, content: bytes) -> None:
-        """Writes a file, or replaces it.
-
-        Raises:
-            InputError: It cannot be written.
-        """
-        write_file(self.path / name, content)
-
-    def tidy(self) -> None:
-        """Removes what killed writers left."""
-        remove_left(self.path)
-
-
-@dataclass(frozen=True)
-class RemoteFolder:
-    """A folder of a file system of fsspec. It can be pickled, as workers need."""
-
-    url: str  # Address of the folder, for messages.
-    system: Any  # fsspec's file system.
-    path: str  # Path of the folder in it.
-
-    def __str__(self) -> str:
-        return self.url
-
-    def names(self) -> set[str]:
-        """Returns the names of its files."""
-        with self._remote_errors():
-            # Other processes write here, too, and fsspec lists a folder once.
-            self.system.invalidate_cache()
-            return {entry.rsplit("/", 1)[-1] for entry in self.system.ls(self.path, detail=False)}
-
-    def read(self, name: str) -> bytes:
-        """Returns the content of a file."""
-        with self._remote_errors():
-            return self.system.cat_file(f"{self.path}/{name}")
-
-    def write(self, name: str, content: bytes) -> None:
-        """Writes a file, or replaces it."""
-        # The name is the same each time, so that what a killed process left is written over.
-        temporary, target = f"{self.path}/.{name}{_PART}", f"{self.path}/{name}"
-        with self._remote_errors():
-            self.system.pipe_file(temporary, content)
-            try:
-                self.system.mv(temporary, target)
-            except FileNotFoundError:  # another process wrote the same file and was faster
-                if not self.system.exists(target):
-                    raise
-
-    def tidy(self) -> None:
-        """Removes files that killed writers left; only safe while nobody writes."""
-        for name in self.names():
-            if name.startswith(".") and name.endswith(_PART):
-                with suppress(OSError):  # who writes the same file was faster
-                    self.system.rm_file(f"{self.path}/{name}")
-
-    @contextmanager
-    def _remote_errors(self) -> Iterator[None]:
-        try:
-            yield
-        except Exception as error:  # each file system has error classes of its own
-            raise InputError(f"cannot use {self.url}: {error!s:.300}") from error
-
-
-Folder = LocalFolder | RemoteFolder  # A folder of files that are written and read as a whole.
-
-
-def folder_at(address: str, create: bool = False) -> Folder:
-    """Returns the folder at an address.
+def folder_at(path: str | Path, create: bool = False) -> Path:
+    """Returns the folder of a run, absolute.
 
     Args:
-        address: A local path, or a URL such as `s3://bucket/motions`.
-        create: Whether the folder is made where there is none.
+        path: The folder.
+        create: Whether it is made where there is none.
 
     Raises:
-        InputError: There is no such folder, or the file system cannot be reached.
-        MissingExtraError: It is a URL and fsspec is not installed.
+        InputError: There is no such folder, or it cannot be made.
     """
-    if "://" not in address:
-        path = Path(address).absolute()
-        if create:
-            check_writable(path)
-            if not path.is_file():
-                path.mkdir(exist_ok=True)
-        if not path.is_dir():
-            raise InputError(f"{path} is no folder; expected one that a run has written")
-        return LocalFolder(path)
-    try:
-        from fsspec.core import url_to_fs
-    except ModuleNotFoundError as error:
-        raise MissingExtraError(f"the address {address}", "fsspec", "bulk") from error
-    try:
-        system, path = url_to_fs(address)
-        if create:
-            system.makedirs(path, exist_ok=True)
-    except Exception as error:  # each file system has error classes of its own
-        raise InputError(f"cannot use {address}: {error!s:.300}") from error
-    return RemoteFolder(address, system, path.rstrip("/"))
+    if "://" in str(path):
+        raise InputError(f"{path} is an address; expected a folder, such as one that is mounted")
+    folder = Path(path).absolute()
+    if create:
+        check_writable(folder)
+        if not folder.is_file():
+            folder.mkdir(exist_ok=True)
+    if not folder.is_dir():
+        raise InputError(f"{folder} is no folder; expected one that a run has written")
+    return folder
 
 
 RUN_FILE = "run.json"
@@ -264,7 +152,7 @@ class Work:
 
 def make(
     work: Work,
-    folder: Folder,
+    folder: Path,
     share: ShardSubset = ShardSubset(),
     report: Callable[[Record], object] = id,
 ) -> ShardManifest | None:
@@ -283,21 +171,21 @@ def make(
         InputError: The folder holds another run, or cannot be written.
     """
     start(work.run, folder)
-    there = folder.names()
+    there = _names(folder)
     for name in share.of(work.run.shards):
         if _record_of(name) not in there:
             report(finish(folder, name, work.tasks[name], work.run.digest))
     return conclude(work.run, folder)
 
 
-def start(run: ShardedRun, folder: Folder) -> None:
+def start(run: ShardedRun, folder: Path) -> None:
     """Writes `run.json` into a folder without one.
 
     Raises:
         InputError: The folder holds another run.
     """
-    if RUN_FILE not in folder.names():
-        folder.write(RUN_FILE, _packed(run))
+    if RUN_FILE not in _names(folder):
+        write_file(folder / RUN_FILE, _packed(run))
     existing = _read(ShardedRun, folder, RUN_FILE)
     if existing.digest == run.digest:
         return
@@ -314,7 +202,7 @@ def start(run: ShardedRun, folder: Folder) -> None:
     )
 
 
-def finish(folder: Folder, name: str, task: Callable[[], ShardContent], run: str) -> Record:
+def finish(folder: Path, name: str, task: Callable[[], ShardContent], run: str) -> Record:
     """Makes a shard, writes its file and then its record, unless both are there.
 
     It may be killed at any time and be called again, at the same time too.
@@ -328,7 +216,7 @@ def finish(folder: Folder, name: str, task: Callable[[], ShardContent], run: str
     Raises:
         InputError: It cannot be written.
     """
-    if _record_of(name) in folder.names():
+    if _record_of(name) in _names(folder):
         return _read(Record, folder, _record_of(name))
     shard = task()
     digest = hashlib.sha256(shard.content).hexdigest()
@@ -338,19 +226,19 @@ def finish(folder: Folder, name: str, task: Callable[[], ShardContent], run: str
     )
     record = Record(name, len(shard.content), digest, shard.items, shard.wrong, run, further)
     for file, content in shard.files.items():
-        folder.write(file, content)
-    folder.write(name, shard.content)
-    folder.write(_record_of(name), _packed(record))
+        write_file(folder / file, content)
+    write_file(folder / name, shard.content)
+    write_file(folder / _record_of(name), _packed(record))
     return record
 
 
-def conclude(run: ShardedRun, folder: Folder) -> ShardManifest | None:
+def conclude(run: ShardedRun, folder: Path) -> ShardManifest | None:
     """Writes the manifest once every shard is finished; before, returns None.
 
     Raises:
         DataError: A shard is of another run.
     """
-    there = folder.names()
+    there = _names(folder)
     if not all(_record_of(name) in there for name in run.shards):
         return None
     records = tuple(_read(Record, folder, _record_of(name)) for name in run.shards)
@@ -359,18 +247,18 @@ def conclude(run: ShardedRun, folder: Folder) -> ShardManifest | None:
             raise DataError(f"{folder}: {record.name} is of another run; delete it and its record")
     # Whoever comes last writes it; if two do, both write the same bytes.
     manifest = ShardManifest(run, records)
-    folder.write(MANIFEST_FILE, _packed(manifest))
-    folder.tidy()
+    write_file(folder / MANIFEST_FILE, _packed(manifest))
+    remove_left(folder)  # by killed writers
     return manifest
 
 
-def check(folder: Folder) -> ShardManifest:
+def check(folder: Path) -> ShardManifest:
     """Reads a finished run and compares every file with the manifest, byte by byte.
 
     Raises:
         DataError: A file is missing or differs, numbers do not add up, or the run is not finished.
     """
-    there = folder.names()
+    there = _names(folder)
     if RUN_FILE not in there:
         raise DataError(f"{folder} holds no run: it has no {RUN_FILE}")
     if MANIFEST_FILE not in there:
@@ -387,7 +275,7 @@ def check(folder: Folder) -> ShardManifest:
         if record.name not in there:
             problems.append(f"{record.name} is missing")
             continue
-        content = folder.read(record.name)
+        content = read_bytes(folder / record.name)
         if len(content) != record.size:
             size = f"{len(content):,} bytes, expected {record.size:,}"
             problems.append(f"{record.name} has {size}")
@@ -413,7 +301,20 @@ def _packed(value: ShardedRun | Record | ShardManifest) -> bytes:
     return (json.dumps(to_json(value), indent=1, ensure_ascii=False) + "\n").encode()
 
 
-def _read(cls: type, folder: Folder, name: str) -> Any:
-    path = f"{folder}/{name}"
+def _read(cls: type, folder: Path, name: str) -> Any:
+    path = folder / name
     with blamed_on(path):
-        return from_json(cls, parse_json(folder.read(name), path))
+        return from_json(cls, parse_json(read_bytes(path), path))
+
+
+def _names(folder: Path) -> set[str]:
+    """Returns the names of the files of a folder.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    try:
+        return {entry.name for entry in folder.iterdir()}
+    except OSError as error:
+        advice = "check its path and permissions"
+        raise InputError(f"cannot read the folder {folder}: {error.strerror}; {advice}") from error

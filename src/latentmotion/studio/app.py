@@ -223,8 +223,7 @@ def _routes(
         projects.character_routes(service, library),
         projects.routes(library),
         session_routes(),
-        takes.best_routes(library, offered),
-        takes.teaching_routes(library, offered),
+        takes.model_routes(library, offered),
     ):
         router.include_router(routes, prefix="/studio/v1", tags=["studio"])
     return router

@@ -15,11 +15,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 import shutil
 import sqlite3
-import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -41,7 +39,7 @@ from latentmotion.language.words import other_forms
 from latentmotion.motion import Motion
 from latentmotion.retarget.rig import RigReport
 from latentmotion.storage.configuration import from_json
-from latentmotion.storage.files import atomic_file, is_durable, sync_names, write_file
+from latentmotion.storage.files import atomic_file, is_durable, sync_names, user_folder, write_file
 from latentmotion.storage.reading import parse_json
 
 SLOWEST, FASTEST = 0.1, 10.0  # Least and greatest speed.
@@ -574,11 +572,8 @@ def _now() -> str:
 
 def default_folder() -> Path:
     """Returns the folder for this user's library, as the platform has it."""
-    if sys.platform == "darwin":
-        return Path.home() / "Library/Application Support/latentmotion/library"
-    variable = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_DATA_HOME"
-    base = os.environ.get(variable)
-    return (Path(base) if base else Path.home() / ".local/share") / "latentmotion" / "library"
+    folder = user_folder("XDG_DATA_HOME", ".local/share", "Library/Application Support")
+    return folder / "library"
 
 
 def _character(row: sqlite3.Row) -> Character:

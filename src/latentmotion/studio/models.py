@@ -26,14 +26,7 @@ from latentmotion.service.schemas import FileFormat, Readable
 from latentmotion.service.state import Service, about
 from latentmotion.studio.library import Library
 from latentmotion.studio.making import Maker
-from latentmotion.studio.schemas import (
-    CHARACTER_FORMATS,
-    MOST_BEST_OF,
-    Capabilities,
-    ModelChoice,
-    ModelsAnswer,
-    OfferedModel,
-)
+from latentmotion.studio.schemas import CHARACTER_FORMATS, MOST_BEST_OF, ModelChoice
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,65 +199,72 @@ def routes(models: Models) -> APIRouter:
     router = APIRouter()
 
     @router.get("/capabilities")
-    def capabilities() -> Capabilities:
+    def capabilities() -> dict[str, Any]:
         """Describe what the model can do that the studio was started with."""
         return capabilities_of(models, models.own)
 
     @router.get("/models")
-    def listed() -> ModelsAnswer:
+    def listed() -> dict[str, Any]:
         """List the models that takes can be made with, and what each can do."""
         return described(models)
 
     @router.post("/models")
-    def loaded(choice: ModelChoice) -> OfferedModel:
+    def loaded(choice: ModelChoice) -> dict[str, Any]:
         """Load a model, so that its first takes need not wait; another one leaves the memory."""
         model = models.named(choice.model)
         models.maker(model.name)
-        return _offered(models, model)
+        return _described(models, model)
 
     return router
 
 
-def described(models: Models) -> ModelsAnswer:
+def described(models: Models) -> dict[str, Any]:
     """Returns what each model can do; the first time, weights are hashed and formats tried."""
-    return ModelsAnswer(models=[_offered(models, model) for model in models.all.values()])
+    return {"models": [_described(models, model) for model in models.all.values()]}
 
 
-def _offered(models: Models, model: StudioModel) -> OfferedModel:
-    return OfferedModel(
-        name=model.name,
-        weights=model.weights,
-        loaded=models.is_loaded(model),
-        capabilities=capabilities_of(models, model),
-    )
+def _described(models: Models, model: StudioModel) -> dict[str, Any]:
+    return {
+        "name": model.name,
+        "weights": model.weights,
+        "loaded": models.is_loaded(model),
+        "capabilities": capabilities_of(models, model),
+    }
 
 
-def capabilities_of(models: Models, model: StudioModel) -> Capabilities:
-    """Returns what a model can do."""
+def capabilities_of(models: Models, model: StudioModel) -> dict[str, Any]:
+    """Returns what a model can do: the page offers nothing else.
+
+    Returns:
+        As for `ModelAnswer`: model, license, lacking, prompts, labels, fps, joints, parents; and:
+        `steps`, sampling steps to offer; `usual_steps`; least, most and usual `guidance`; least and
+        most `seconds`; `parts` that can be generated alone; `directions`, the offset of each joint
+        from its parent at rest, meters; `formats` and `character_formats` of files; `readable`
+        ones; `can`, features that the model supports (`best_of` is the greatest number, or false);
+        `least_steps` of what needs more than one; names of all `models`; folder of the `library`;
+        `version`.
+    """
     pipeline = models.opened(model)
     facts, card = about(pipeline), pipeline.card
     few, usual = card.few_step, card.sampling
     least, most = few.guidance if few else (1.0, max(15.0, usual.guidance))
-    best_of = card.condition.reads_text and MOST_BEST_OF
     kinds = ("goals", "path", "timeline", "loop", "between", "edit", "parts", "start")
-    return Capabilities(
-        **facts.model_dump(
-            include={"license", "lacking", "prompts", "labels", "fps", "joints", "parents"}
-        ),
-        model=model.name,
-        steps=sorted(few.steps if few else {*_USUAL_STEPS, usual.steps}),
-        usual_steps=usual.steps,
-        guidance={"least": least, "most": most, "usual": usual.guidance},
-        seconds=dict(zip(("least", "most"), facts.seconds, strict=True)),
-        parts=list(PARTS),
-        directions=pipeline.representation.skeleton.offsets.round(4).tolist(),
-        formats=[name for name in get_args(FileFormat) if name in facts.formats],
-        character_formats=CHARACTER_FORMATS,
-        readable=list(get_args(Readable)),
-        can=dict.fromkeys(kinds, facts.directed)
-        | {"best_of": best_of, "teach": bool(pipeline.moves)},
-        least_steps={"timeline": 2, "loop": 2},
-        models=list(models.all),
-        library=str(models.library.folder.absolute()),
-        version=__version__,
-    )
+    can = dict.fromkeys(kinds, facts.directed) | {"teach": bool(pipeline.moves)}
+    shared = {"license", "lacking", "prompts", "labels", "fps", "joints", "parents"}
+    return facts.model_dump(include=shared) | {
+        "model": model.name,
+        "steps": sorted(few.steps if few else {*_USUAL_STEPS, usual.steps}),
+        "usual_steps": usual.steps,
+        "guidance": {"least": least, "most": most, "usual": usual.guidance},
+        "seconds": dict(zip(("least", "most"), facts.seconds, strict=True)),
+        "parts": list(PARTS),
+        "directions": pipeline.representation.skeleton.offsets.round(4).tolist(),
+        "formats": [name for name in get_args(FileFormat) if name in facts.formats],
+        "character_formats": CHARACTER_FORMATS,
+        "readable": get_args(Readable),
+        "can": {**can, "best_of": card.condition.reads_text and MOST_BEST_OF},
+        "least_steps": {"timeline": 2, "loop": 2},
+        "models": list(models.all),
+        "library": str(models.library.folder.absolute()),
+        "version": __version__,
+    }

@@ -26,15 +26,7 @@ from latentmotion.storage.configuration import read_plain
 from latentmotion.storage.files import write_file
 from latentmotion.storage.reading import parse_json
 from latentmotion.studio.library import Library, UnknownError
-from latentmotion.studio.schemas import (
-    CharacterAnswer,
-    CharactersAnswer,
-    FileName,
-    Id,
-    MappingChange,
-    Project,
-    ProjectName,
-)
+from latentmotion.studio.schemas import FileName, Id, MappingChange, Project, ProjectName
 
 
 def routes(library: Library) -> APIRouter:
@@ -114,8 +106,8 @@ def write(folder: Path, name: str, project: Mapping[str, Any]) -> None:
             "another name, or that one"
         )
     try:
-        text = json.dumps(project, indent=1, ensure_ascii=False, allow_nan=False)
-        content = f"{text}\n".encode()
+        text = json.dumps(project, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        content = text.encode()
     except (ValueError, RecursionError) as error:  # NaN, halves of characters, deep nesting
         raise InputError(f"this project cannot be written as JSON: {error}") from error
     parse_json(text, f"project {name!r}")  # what could not be read again is told now
@@ -145,16 +137,16 @@ ENDINGS: Mapping[str, str] = {".glb": "glb", ".vrm": "glb", ".bvh": "bvh"}
 
 
 def character_routes(service: Service, library: Library) -> APIRouter:
-    """Returns the character_routes."""
+    """Returns the routes of characters."""
     router = APIRouter(prefix="/characters")
 
-    @router.get("", response_model=CharactersAnswer)
-    def listed(deleted: bool = False) -> Any:
+    @router.get("")
+    def listed(deleted: bool = False) -> dict[str, Any]:
         """List characters, the newest first."""
         return {"characters": [character.about() for character in library.characters(deleted)]}
 
-    @router.post("", response_model=CharacterAnswer, openapi_extra=BINARY_BODY)
-    async def added(request: Request, name: FileName) -> Any:
+    @router.post("", openapi_extra=BINARY_BODY)
+    async def added(request: Request, name: FileName) -> dict[str, Any]:
         """Keep a character, GLB, VRM or BVH, and find its bones."""
         ending = ENDINGS.get(Path(name).suffix.lower())
         if ending is None:
@@ -172,8 +164,8 @@ def character_routes(service: Service, library: Library) -> APIRouter:
             character = await run_in_threadpool(library.add_character, name, folder / file, bones)
         return character.about()
 
-    @router.get("/{name}", response_model=CharacterAnswer)
-    def shown(name: Id) -> Any:
+    @router.get("/{name}")
+    def shown(name: Id) -> dict[str, Any]:
         """Describe a character."""
         return library.character(name).about()
 
@@ -185,8 +177,8 @@ def character_routes(service: Service, library: Library) -> APIRouter:
             raise InputError(f"the file of this character, {file}, is gone; open it again")
         return FileResponse(file, media_type=MEDIA_TYPES[file.suffix[1:]])
 
-    @router.patch("/{name}", response_model=CharacterAnswer)
-    async def changed(request: Request, name: Id, change: MappingChange) -> Any:
+    @router.patch("/{name}")
+    async def changed(request: Request, name: Id, change: MappingChange) -> dict[str, Any]:
         """Correct which bone is which joint; what is left out has none."""
         character = await run_in_threadpool(library.character, name)
         mapping = {ours: bone for ours, bone in change.mapping.items() if bone is not None}
@@ -195,13 +187,13 @@ def character_routes(service: Service, library: Library) -> APIRouter:
         bones = await _inspected(service, request, task)
         return (await run_in_threadpool(library.change_character, name, bones=bones)).about()
 
-    @router.delete("/{name}", response_model=CharacterAnswer)
-    def deleted(name: Id) -> Any:
+    @router.delete("/{name}")
+    def deleted(name: Id) -> dict[str, Any]:
         """Mark a character as deleted; `restore` takes the mark away."""
         return library.change_character(name, deleted=True).about()
 
-    @router.post("/{name}/restore", response_model=CharacterAnswer)
-    def restored(name: Id) -> Any:
+    @router.post("/{name}/restore")
+    def restored(name: Id) -> dict[str, Any]:
         """Take the mark of a deleted character away."""
         return library.change_character(name, deleted=False).about()
 

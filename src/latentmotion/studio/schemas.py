@@ -1,16 +1,20 @@
-"""Bodies of the studio's requests and answers, as OpenAPI describes them."""
+"""Bodies of the studio's requests, as OpenAPI describes them.
+
+Answers are what the library and its models say of themselves (`StoredTake.about`,
+`Character.about`, `models.capabilities_of`), as JSON.
+"""
 
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from latentmotion.service.schemas import (
     MOST_GOALS,
-    AnswerModel,
     FileFormat,
     Fps,
     HeadingGoal,
@@ -21,13 +25,7 @@ from latentmotion.service.schemas import (
     SceneRequest,
     SpanOfTimeline,
 )
-from latentmotion.studio.library import ID, MOST_TITLE, Edits
-
-PROJECT_NAME = r"[^\W_]([\w\- ]{0,78}[\w\-])?"
-FILE_NAME = r"[^\x00-\x1f\x7f/\\]{1,200}"
-TITLE = rf"[^\x00-\x1f\x7f]{{1,{MOST_TITLE}}}"
-TAG = r"[^\x00-\x20\x7f]([^\x00-\x1f\x7f]{0,48}[^\x00-\x20\x7f])?"
-"""Patterns of texts."""
+from latentmotion.studio.library import ID, MOST_TITLE
 
 CHARACTER_FORMATS = ["glb", "bvh"]
 """Formats of takes on a character."""
@@ -42,46 +40,53 @@ MOST_EXPORTED = 500
 """Most takes of one archive."""
 
 
-def _matched(pattern: str, expected: str) -> AfterValidator:
-    """Returns a validator of texts by a pattern, whose error describes the expected text."""
+@dataclass(frozen=True)
+class _Matching:
+    """A text that a pattern matches as a whole; the error describes what is expected."""
 
-    def check(text: str) -> str:
-        if not re.fullmatch(pattern, text):
-            context = {"found": repr(text[:60]), "expected": expected}
+    pattern: str
+    expected: str
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._matched, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {**handler(schema), "pattern": f"^{self.pattern}$"}
+
+    def _matched(self, text: str) -> str:
+        if not re.fullmatch(self.pattern, text):
+            context = {"found": repr(text[:60]), "expected": self.expected}
             raise PydanticCustomError("text", "found {found}, expected {expected}", context)
         return text
 
-    return AfterValidator(check)
 
-
-Id = Annotated[
-    str,
-    _matched(ID, "the name of a take or character, 26 to 32 letters and digits"),
-    Field(json_schema_extra={"pattern": f"^{ID}$"}),
-]
+Id = Annotated[str, _Matching(ID, "the name of a take or character, 26 to 32 letters and digits")]
 ProjectName = Annotated[
     str,
-    _matched(
-        PROJECT_NAME, "a name of letters, digits, spaces, - and _, at most 80 of them, no / or ."
+    _Matching(
+        r"[^\W_]([\w\- ]{0,78}[\w\-])?",
+        "a name of letters, digits, spaces, - and _, at most 80 of them, no / or .",
     ),
-    Field(json_schema_extra={"pattern": f"^{PROJECT_NAME}$"}),
 ]
 """Name of a project, which is that of its file."""
 FileName = Annotated[
-    str,
-    _matched(FILE_NAME, "the name of a file without folders"),
-    Field(json_schema_extra={"pattern": f"^{FILE_NAME}$"}),
+    str, _Matching(r"[^\x00-\x1f\x7f/\\]{1,200}", "the name of a file without folders")
 ]
 """Name of a file as its user calls it; it is shown and never opened."""
 Title = Annotated[
     str,
-    _matched(TITLE, f"1 to {MOST_TITLE} letters in a line"),
-    Field(json_schema_extra={"pattern": f"^{TITLE}$"}),
+    _Matching(rf"[^\x00-\x1f\x7f]{{1,{MOST_TITLE}}}", f"1 to {MOST_TITLE} letters in a line"),
 ]
 Tag = Annotated[
     str,
-    _matched(TAG, "1 to 50 letters in a line, no spaces around them"),
-    Field(json_schema_extra={"pattern": f"^{TAG}$"}),
+    _Matching(
+        r"[^\x00-\x20\x7f]([^\x00-\x1f\x7f]{0,48}[^\x00-\x20\x7f])?",
+        "1 to 50 letters in a line, no spaces around them",
+    ),
 ]
 ModelName = Annotated[str, Field(min_length=1, max_length=500)]
 """Name of a model in the list of models; no folder is opened by it."""
@@ -227,145 +232,3 @@ class Project(RequestModel):
     """The path of the pelvis."""
     settings: dict[str, Any] = Field(default_factory=dict)
     """What the page keeps for itself."""
-
-
-class ReadingAnswer(AnswerModel):
-    """What a model does not know of a prompt; said before a take is made, and once when it is."""
-
-    notice: str = ""
-    """Words that it does not know, or reads otherwise."""
-    nearest: list[str] = Field(default_factory=list)
-    """Captions near the prompt that it learned, where it does not know the prompt."""
-
-
-class TakeAnswer(ReadingAnswer):
-    """A take."""
-
-    id: str
-    made: str
-    """When it was made, ISO 8601."""
-    title: str
-    recipe: dict[str, Any]
-    motion: str
-    """SHA-256 of the file of its motion."""
-    seconds: float
-    """Length with its edits, as it is shown and written; so are frames and fps."""
-    frames: int
-    fps: float
-    stored_seconds: float
-    """Length of the stored motion, which `trim` refers to."""
-    tags: list[str]
-    star: bool
-    deleted: bool
-    missing: bool
-    """The file of its motion is gone."""
-    damaged: bool
-    """Its row in the database cannot be read; it can be deleted."""
-    edits: Edits
-    """How the stored motion is shown and written."""
-    goals: list[dict[str, Any]] | None
-    """Each goal, and how far the motion was from it before and after clean-up, centimeters."""
-
-
-class TakesAnswer(AnswerModel):
-    """Takes that were made."""
-
-    takes: list[TakeAnswer]
-
-
-class ListAnswer(TakesAnswer):
-    """Some of the takes that there are."""
-
-    total: int
-    """Number of this kind."""
-    tags: list[str]
-    """Tags of all takes that are not deleted."""
-
-
-class AgainAnswer(AnswerModel):
-    """Whether a take could be made again."""
-
-    equal: bool
-    """Whether both motions are equal to the bit."""
-    restored: bool
-    """Its file was missing and is there again."""
-
-
-class CharacterAnswer(AnswerModel):
-    """A figure of the user."""
-
-    id: str
-    name: str
-    bones: list[str]
-    mapping: dict[str, str | None]
-    """Our joints → its bones; null for none."""
-    guessed: list[str]
-    """Joints whose bones were guessed from shape, not known by name."""
-    missing: list[str]
-    """Joints that are needed and have no bone."""
-    problem: str | None
-    """Why no motion can be put on it yet."""
-    deleted: bool
-
-
-class CharactersAnswer(AnswerModel):
-    """Figures of the user."""
-
-    characters: list[CharacterAnswer]
-
-
-class Capabilities(AnswerModel):
-    """What the model can do; the page offers nothing else."""
-
-    model: str
-    license: str
-    prompts: str
-    labels: list[str]
-    steps: list[int]
-    """Numbers of sampling steps to offer."""
-    usual_steps: int
-    guidance: dict[str, float]
-    """least, most and usual."""
-    seconds: dict[str, float]
-    """least and most."""
-    fps: float
-    joints: list[str]
-    parents: list[int]
-    directions: list[list[float]]
-    """Offset of each joint from its parent at rest, meters."""
-    parts: list[str]
-    """Parts of the body that can be generated alone."""
-    formats: list[str]
-    """Formats that takes can be written in here."""
-    lacking: dict[str, str]
-    """Those that cannot, and what is missing."""
-    character_formats: list[str]
-    """Those for takes on a character."""
-    readable: list[str]
-    """Formats that can be imported."""
-    can: dict[str, bool | int]
-    """Features that the model supports; `best_of` is the greatest number, or false."""
-    least_steps: dict[str, int]
-    """Fewest steps of what needs more than one."""
-    models: list[str]
-    """Models that takes can be made with."""
-    library: str
-    """Folder of the library."""
-    version: str
-
-
-class OfferedModel(AnswerModel):
-    """A model that takes can be made with."""
-
-    name: str
-    weights: str
-    """SHA-256 of its graphs and weights, as recipes have it."""
-    loaded: bool
-    """It is in memory; another is loaded before its first take."""
-    capabilities: Capabilities
-
-
-class ModelsAnswer(AnswerModel):
-    """Models that takes can be made with, that of the studio's start first."""
-
-    models: list[OfferedModel]

@@ -14,7 +14,7 @@ from typing import Annotated, Any, get_args
 from fastapi import APIRouter, Query, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response, StreamingResponse
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.recording import features_of
@@ -28,7 +28,7 @@ from latentmotion.ranking import best as ranking
 from latentmotion.ranking.best import Take
 from latentmotion.retrieval.index import joined
 from latentmotion.retrieval.teach import ShownClip, build_index
-from latentmotion.service.schemas import AnswerModel, FileFormat, Readable, RequestModel, Text
+from latentmotion.service.schemas import FileFormat, Readable, RequestModel, Text
 from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, Fps, pieces, uploaded
 from latentmotion.studio.library import MOST_LISTED, Edits, Library, StoredTake
@@ -36,15 +36,10 @@ from latentmotion.studio.models import Models
 from latentmotion.studio.schemas import (
     CHARACTER_FORMATS,
     MOST_TAKES,
-    AgainAnswer,
     ExportRequest,
     FileName,
     Id,
-    ListAnswer,
-    ReadingAnswer,
-    TakeAnswer,
     TakeChanges,
-    TakesAnswer,
     TakesRequest,
 )
 
@@ -57,8 +52,8 @@ def recipe_routes(service: Service, library: Library, models: Models) -> APIRout
     """Returns the routes of takes made from their recipe."""
     router = APIRouter()
 
-    @router.post("/takes", response_model=TakesAnswer)
-    async def make(request: Request, body: TakesRequest) -> Any:
+    @router.post("/takes")
+    async def make(request: Request, body: TakesRequest) -> dict[str, Any]:
         """Make takes of a recipe and keep them."""
         service.check_ready()
         maker = await run_in_threadpool(models.maker, body.model)
@@ -68,16 +63,16 @@ def recipe_routes(service: Service, library: Library, models: Models) -> APIRout
         notice = _notice(motions[0][0].metadata)
         return {"takes": [take.about() | notice for take in takes]}
 
-    @router.get("/reading", response_model=ReadingAnswer)
+    @router.get("/reading")
     def reading(
         prompt: Annotated[str, Query(max_length=500)], model: Annotated[str, Query()] = ""
-    ) -> Any:
+    ) -> dict[str, Any]:
         """Say what a model does not know of a prompt, while it is typed."""
         service.check_ready()
         return _notice(models.maker(model or None).pipeline.read(prompt).about())
 
-    @router.post("/takes/{name}/again", response_model=AgainAnswer)
-    async def again(request: Request, name: Id) -> Any:
+    @router.post("/takes/{name}/again")
+    async def again(request: Request, name: Id) -> dict[str, Any]:
         """Make a take again from its recipe, and compare; a missing file is written again."""
         service.check_ready()
         take = await run_in_threadpool(library.take, name)
@@ -98,7 +93,7 @@ def routes(library: Library) -> APIRouter:
     """Returns the routes of takes in the library: listed, changed, deleted."""
     router = APIRouter()
 
-    @router.get("/takes", response_model=ListAnswer)
+    @router.get("/takes")
     def listed(
         query: Annotated[str, Query(max_length=500)] = "",
         tag: Annotated[str, Query(max_length=50)] = "",
@@ -106,19 +101,19 @@ def routes(library: Library) -> APIRouter:
         deleted: bool = False,
         offset: Annotated[int, Query(ge=0, lt=2**53)] = 0,
         limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 100,
-    ) -> Any:
+    ) -> dict[str, Any]:
         """List takes, the newest first."""
         total, takes = library.takes(query, tag, star, deleted, offset, limit)
         answers = [take.about() for take in takes]
         return {"total": total, "takes": answers, "tags": library.tags()}
 
-    @router.get("/takes/{name}", response_model=TakeAnswer)
-    def shown(name: Id) -> Any:
+    @router.get("/takes/{name}")
+    def shown(name: Id) -> dict[str, Any]:
         """Describe a take."""
         return library.take(name).about()
 
-    @router.patch("/takes/{name}", response_model=TakeAnswer)
-    def changed(name: Id, body: TakeChanges) -> Any:
+    @router.patch("/takes/{name}")
+    def changed(name: Id, body: TakeChanges) -> dict[str, Any]:
         """Change title, tags, star or edits of a take."""
         take, changes = library.take(name), body.model_dump(include=body.model_fields_set)
         edits = {key: changes.pop(key) for key in _EDITS if key in changes}
@@ -126,18 +121,18 @@ def routes(library: Library) -> APIRouter:
             changes["tags"] = tuple(changes["tags"])
         return library.change(name, edits=replace(take.edits, **edits), **changes).about()
 
-    @router.delete("/takes/{name}", response_model=TakeAnswer)
-    def deleted(name: Id) -> Any:
+    @router.delete("/takes/{name}")
+    def deleted(name: Id) -> dict[str, Any]:
         """Mark a take as deleted; `restore` takes the mark away."""
         return library.change(name, deleted=True).about()
 
-    @router.post("/takes/{name}/restore", response_model=TakeAnswer)
-    def restored(name: Id) -> Any:
+    @router.post("/takes/{name}/restore")
+    def restored(name: Id) -> dict[str, Any]:
         """Take the mark of a deleted take away."""
         return library.change(name, deleted=False).about()
 
-    @router.post("/takes/{name}/duplicate", response_model=TakeAnswer)
-    def duplicated(name: Id) -> Any:
+    @router.post("/takes/{name}/duplicate")
+    def duplicated(name: Id) -> dict[str, Any]:
         """Keep the motion of a take as another one, to be edited apart."""
         return library.duplicate(name).about()
 
@@ -213,8 +208,8 @@ def transfer_routes(service: Service, library: Library) -> APIRouter:
             }
             return StreamingResponse(pieces(path), headers=headers, media_type=MEDIA_TYPES["zip"])
 
-    @router.post("/import", response_model=TakesAnswer, openapi_extra=BINARY_BODY)
-    async def imported(request: Request, name: FileName) -> Any:
+    @router.post("/import", openapi_extra=BINARY_BODY)
+    async def imported(request: Request, name: FileName) -> dict[str, Any]:
         """Keep the motions of a file, each as a take."""
         ending = Path(name).suffix.lower().lstrip(".")
         if ending not in get_args(Readable):
@@ -314,24 +309,30 @@ def file_name(take: StoredTake, ending: str) -> str:
 _CLEAR = 0.02
 
 
-class BestAnswer(BaseModel):
-    """The take that scores best."""
+class TeachRequest(RequestModel):
+    """Sentences that a take shows."""
 
-    take: str | None  # Its name; none where the takes cannot be scored.
-    reason: str  # What it does better than the others.
-    scores: dict[str, float]  # Score of each take, the higher the better.
+    sentences: Annotated[list[Text], Field(min_length=1, max_length=20)]
+    """What the person in it does, in one or several wordings."""
+    model: str | None = None
+    """Name of the model that learns it; by default that of the studio's start."""
 
 
-def best_routes(library: Library, models: Models) -> APIRouter:
-    """Returns the route."""
+def model_routes(library: Library, models: Models) -> APIRouter:
+    """Returns the routes by which a model compares takes, and learns one."""
     router = APIRouter()
 
-    @router.get("/best", response_model=BestAnswer)
-    def best(take: Annotated[list[Id], Query(min_length=1, max_length=MOST_TAKES)]) -> Any:
-        """Score takes of one prompt as `best of` does, and say which is best."""
+    @router.get("/best")
+    def best(
+        take: Annotated[list[Id], Query(min_length=1, max_length=MOST_TAKES)],
+    ) -> dict[str, Any]:
+        """Score takes of one prompt as `best of` does, and say which is best and why.
+
+        `take` is null where they cannot be scored; the higher a score, the better.
+        """
         takes = [library.take(name) for name in dict.fromkeys(take)]
         prompts = {item.recipe.get("prompt") or "" for item in takes}
-        unknown = BestAnswer(take=None, reason="", scores={})
+        unknown = {"take": None, "reason": "", "scores": {}}
         if len(prompts) > 1 or not min(prompts).strip():
             return unknown
         pipeline = models.service.pipeline
@@ -343,7 +344,15 @@ def best_routes(library: Library, models: Models) -> APIRouter:
             return unknown
         names = {id(motion): item.id for motion, item in zip(motions, takes, strict=True)}
         scores = {names[id(item.motion)]: round(item.score, 4) for item in ranked}
-        return BestAnswer(take=next(iter(scores)), reason=reason(ranked), scores=scores)
+        return {"take": next(iter(scores)), "reason": reason(ranked), "scores": scores}
+
+    @router.post("/takes/{name}/teach")
+    def taught(name: Id, body: TeachRequest) -> dict[str, int]:
+        """Let takes of these sentences, and of near ones, start from a take."""
+        take, model = library.take(name), models.named(body.model)
+        clips, sentences = teach(models.opened(model), library, take, body.sentences)
+        models.forget()
+        return {"clips": clips, "sentences": sentences}
 
     return router
 
@@ -365,37 +374,6 @@ def reason(ranked: Sequence[Take]) -> str:
     if first.sliding < mean["sliding"] - _CLEAR:
         words.append("feet slide less")
     return ", ".join(words) or "all are close"
-
-
-class TeachRequest(RequestModel):
-    """Sentences that a take shows."""
-
-    # What the person in it does, in one or several wordings.
-    sentences: Annotated[list[Text], Field(min_length=1, max_length=20)]
-    # Name of the model that learns it; by default that of the studio's start.
-    model: str | None = None
-
-
-class TeachAnswer(AnswerModel):
-    """What the library teaches by now."""
-
-    clips: int
-    sentences: int
-
-
-def teaching_routes(library: Library, models: Models) -> APIRouter:
-    """Returns the route."""
-    router = APIRouter()
-
-    @router.post("/takes/{name}/teach")
-    def taught(name: Id, body: TeachRequest) -> TeachAnswer:
-        """Let takes of these sentences, and of near ones, start from a take."""
-        take, model = library.take(name), models.named(body.model)
-        index = teach(models.opened(model), library, take, body.sentences)
-        models.forget()
-        return TeachAnswer(clips=index[0], sentences=index[1])
-
-    return router
 
 
 def teach(

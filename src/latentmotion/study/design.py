@@ -22,7 +22,7 @@ from latentmotion.errors import InputError
 from latentmotion.model.card import CARD_FILE, shipped_models
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.storage.files import read_lines, sha256, write_file
+from latentmotion.storage.files import read_lines, sha256
 from latentmotion.viewer.page import json_in_html, packed_script, payload
 
 Model = Literal["A", "B"]
@@ -138,12 +138,6 @@ def study_html(study: Study) -> str:
     template = resources.files("latentmotion.study").joinpath("template.html")
     text = template.read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], text)
-
-
-def write_study_page(path: str | Path, study: Study) -> None:
-    """Writes `study_html` to a file, whole or not at all."""
-    page = study_html(study)
-    write_file(path, page)
 
 
 @dataclass(frozen=True)

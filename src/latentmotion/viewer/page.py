@@ -11,9 +11,9 @@ import base64
 import gzip
 import html
 import json
-import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
@@ -126,12 +126,10 @@ def split_page(style: str, script: str) -> tuple[str, str]:
 def write_page(
     path: str | Path,
     motions: Sequence[Motion],
-    title: str | None = None,
     figure: Literal["mannequin", "stick"] | Skinned = "mannequin",
 ) -> None:
     """Writes `page_html` to a file, whole or not at all."""
-    page = page_html(motions, title, figure)
-    write_file(path, page)
+    write_file(path, page_html(motions, figure=figure))
 
 
 def payload(motions: Sequence[Motion]) -> dict[str, Any]:
@@ -213,74 +211,62 @@ def marks_of(motion: Motion) -> dict[str, Any]:
         and the part of the body if it is of one; `boxes`: what carries the body, see
         `Motion.objects`.
     """
-    goals = list(_entries(motion, "goals"))
-    poses = sorted({float(g["at"]) for g in goals if "pose" in g and _is_time(g.get("at"), motion)})
-    path, points = [], []
-    for goal in goals:
-        if not _is_goal(goal, motion):
-            continue
-        (x, y, z), at = goal["to"], float(goal["at"])
-        if goal["joint"] == motion.skeleton.names[0] and y is None and None not in (x, z):
-            path.append({"at": at, "to": [float(x), float(z)]})
-            continue
-        joint = motion.skeleton.names.index(_joint(goal))
-        current = motion.joints[min(round(at * motion.fps), len(motion) - 1), joint].tolist()
-        # A coordinate that is free is where the joint is.
-        to = [current[n] if value is None else float(value) for n, value in enumerate((x, y, z))]
-        points.append({"joint": _joint(goal), "at": at, "to": [round(v, 4) for v in to]})
+    names = motion.skeleton.names
+    points, path, spans = [], [], []
+    poses: set[float] = set()
+    for goal in _entries(motion, "goals"):
+        with suppress(*_UNEXPECTED):
+            at = _number(goal["at"], 0, motion.seconds)
+            if "pose" in goal:
+                poses.add(at)
+            if "relative_to" in goal:
+                continue
+            # Of a hand it is the wrist.
+            joint = goal["joint"].replace("_hand", "_wrist").replace("_fingertips", "_wrist")
+            number = names.index(joint)
+            x, y, z = (
+                None if value is None else _number(value, -_FARTHEST, _FARTHEST)
+                for value in goal["to"]
+            )
+            if goal["joint"] == names[0] and y is None and x is not None and z is not None:
+                path.append({"at": at, "to": [x, z]})
+                continue
+            # A coordinate that is free is where the joint is.
+            current = motion.joints[min(round(at * motion.fps), len(motion) - 1), number].tolist()
+            to = [b if a is None else a for a, b in zip((x, y, z), current, strict=True)]
+            points.append({"joint": joint, "at": at, "to": [round(v, 4) for v in to]})
     if path and path[0]["at"] > 0:
         path.insert(0, {"at": 0.0, "to": [round(float(v), 4) for v in motion.joints[0, 0, ::2]]})
-    spans = [
-        {"prompt": span["prompt"], "start": float(span["start"]), "end": float(span["end"])}
-        | ({"part": span["part"]} if isinstance(span.get("part"), str) else {})
-        for span in _entries(motion, "spans")
-        if isinstance(span.get("prompt"), str)
-        and _is_number(span.get("start"))
-        and _is_number(span.get("end"))
-        and 0 <= span["start"] < span["end"] <= motion.seconds + 1
-    ]
+    for span in _entries(motion, "spans"):
+        with suppress(*_UNEXPECTED):
+            start = _number(span["start"], 0, motion.seconds + 1)
+            end = _number(span["end"], start, motion.seconds + 1)
+            if isinstance(span["prompt"], str) and start < end:
+                part = {"part": span["part"]} if isinstance(span.get("part"), str) else {}
+                spans.append({"prompt": span["prompt"], "start": start, "end": end, **part})
     boxes = [{"name": each.name, **each.about()} for each in motion.objects]
-    kinds = {"goals": points, "path": path, "poses": poses, "spans": spans, "boxes": boxes}
+    kinds = {"goals": points, "path": path, "poses": sorted(poses), "spans": spans, "boxes": boxes}
     return {name: marks[:_MOST_MARKS] for name, marks in kinds.items() if marks}
 
 
-def _entries(motion: Motion, name: str) -> Iterable[Mapping[str, Any]]:
+# What reading an entry raises that is not of the expected form.
+_UNEXPECTED = (KeyError, TypeError, ValueError, AttributeError)
+
+_FARTHEST = 1e6  # Coordinates that the page draws, meters.
+
+
+def _entries(motion: Motion, name: str) -> list[Mapping[str, Any]]:
     entries = motion.metadata.get(name)
-    return (
-        [entry for entry in entries if isinstance(entry, Mapping)]
-        if isinstance(entries, list)
-        else []
-    )
+    entries = entries if isinstance(entries, list) else []
+    return [entry for entry in entries if isinstance(entry, Mapping)]
 
 
-def _joint(goal: Mapping[str, Any]) -> Any:
-    """Returns the joint of a goal; of a hand's it is the wrist."""
-    joint = goal.get("joint")
-    if not isinstance(joint, str):
-        return None
-    return joint.replace("_hand", "_wrist").replace("_fingertips", "_wrist")
+def _number(value: Any, least: float, most: float) -> float:
+    """Returns a number of a range.
 
-
-def _is_goal(goal: Mapping[str, Any], motion: Motion) -> bool:
-    at, to = goal.get("at"), goal.get("to")
-    return (
-        _joint(goal) in motion.skeleton.names
-        and "relative_to" not in goal
-        and _is_time(at, motion)
-        and isinstance(to, list | tuple)
-        and len(to) == 3
-        and all(value is None or _is_number(value) for value in to)
-    )
-
-
-def _is_time(at: Any, motion: Motion) -> bool:
-    return _is_number(at) and 0 <= at <= motion.seconds
-
-
-def _is_number(value: Any) -> bool:
-    return (
-        isinstance(value, int | float)
-        and not isinstance(value, bool)
-        and math.isfinite(value)
-        and abs(value) < 1e6
-    )
+    Raises:
+        ValueError: It is none; NaN is in no range.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+        raise ValueError(value)
+    return float(value)

@@ -113,38 +113,22 @@ def write_rest(
     """
     above = np.array(parents)
     offsets = positions - np.where(above[:, None] < 0, 0, positions[above])
-    joints = [
-        f"CHANNELS 6 {_POSITIONS} {_ROTATIONS}" if moves else f"CHANNELS 3 {_ROTATIONS}"
-        for moves in movable
-    ]
-    heads = [[f"OFFSET {_triple(o)}", c] for o, c in zip(offsets, joints, strict=True)]
-    order: list[int] = []
-    bones = zip(tips, positions, strict=True)
-    ends = [f"OFFSET {_triple(tip - position)}" for tip, position in bones]
-    blocks = _block(0, names, parents, heads, ends, order)
-    rows = [(f"{_triple(offsets[j])} " if movable[j] else "") + "0 0 0" for j in order]
-    timing = ["Frames: 1", "Frame Time: 0.033333", " ".join(rows)]
-    lines = ["HIERARCHY", *blocks, "MOTION", *timing]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    values: list[str] = []  # of the frame, in the order of the file
 
+    def block(joint: int) -> list[str]:
+        """Returns the lines of a joint and all its descendants."""
+        moves = movable[joint]
+        channels = f"6 {_POSITIONS} {_ROTATIONS}" if moves else f"3 {_ROTATIONS}"
+        values.append((f"{_triple(offsets[joint])} " if moves else "") + "0 0 0")
+        below = [child for child, parent in enumerate(parents) if parent == joint]
+        inside = [line for child in below for line in block(child)]
+        tip = ["End Site", "{", f"OFFSET {_triple(tips[joint] - positions[joint])}", "}"]
+        kind = "ROOT" if parents[joint] < 0 else "JOINT"
+        place = [f"OFFSET {_triple(offsets[joint])}", f"CHANNELS {channels}"]
+        return [f"{kind} {names[joint]}", "{", *place, *(inside or tip), "}"]
 
-def _block(
-    joint: int,
-    names: Sequence[str],
-    parents: Sequence[int],
-    heads: Sequence[list[str]],
-    ends: Sequence[str],
-    order: list[int],
-) -> list[str]:
-    """Returns the lines of a joint and all its descendants; appends their order to `order`."""
-    order.append(joint)
-    below = [child for child, parent in enumerate(parents) if parent == joint]
-    inside = list(heads[joint])
-    for child in below:
-        inside += _block(child, names, parents, heads, ends, order)
-    if not below:
-        inside += ["End Site", "{", ends[joint], "}"]
-    return [f"{'ROOT' if parents[joint] < 0 else 'JOINT'} {names[joint]}", "{", *inside, "}"]
+    lines = ["HIERARCHY", *block(0), "MOTION", "Frames: 1", "Frame Time: 0.033333"]
+    path.write_text("\n".join([*lines, " ".join(values)]) + "\n", encoding="utf-8")
 
 
 def _triple(values: np.ndarray) -> str:
