@@ -45,26 +45,23 @@ def test_a_motion_is_cleaned_unless_told_otherwise(called: Called, walk: Motion)
     assert len(at_30["positions"]) in (29, 30)
 
 
-def test_turns_are_exact_unless_told_otherwise(called: Called) -> None:
-    turn = {"prompt": "turn left by 90 degrees", "seed": 1}
-    (raw,) = MotionPipeline.from_pretrained(threads=1).raw_motions([turn["prompt"]], seeds=[1])
+@pytest.mark.parametrize(
+    ("kind", "prompt"), [("turn", "turn left by 90 degrees"), ("count", "a person bows twice")]
+)
+def test_turns_and_counts_are_exact_unless_told_otherwise(
+    called: Called, kind: str, prompt: str
+) -> None:
+    (raw,) = MotionPipeline.from_pretrained(threads=1).raw_motions([prompt], seeds=[1])
     for exact in (True, False):
-        expected = raw.motion.cleaned(CleanUp(exact_turn=exact), raw.corrections)
-        found = called.post("/v1/motions", turn | {"exact_turn": exact}).json()
+        expected = raw.motion.cleaned(CleanUp(**{f"exact_{kind}": exact}), raw.corrections)
+        body = {"prompt": prompt, "seed": 1, f"exact_{kind}": exact}
+        found = called.post("/v1/motions", body).json()
         np.testing.assert_allclose(found["positions"], expected.joints, atol=1e-4)
-    assert "made" in raw.motion.cleaned(None, raw.corrections).metadata["turn"]
-
-
-def test_counts_are_exact_unless_told_otherwise_or_timed(called: Called) -> None:
-    bows = {"prompt": "a person bows twice", "seed": 1}
-    (raw,) = MotionPipeline.from_pretrained(threads=1).raw_motions([bows["prompt"]], seeds=[1])
-    for exact in (True, False):
-        expected = raw.motion.cleaned(CleanUp(exact_count=exact), raw.corrections)
-        found = called.post("/v1/motions", bows | {"exact_count": exact}).json()
-        np.testing.assert_allclose(found["positions"], expected.joints, atol=1e-4)
-    assert "made" in raw.motion.cleaned(None, raw.corrections).metadata["count"]
-    timed = called.post("/v1/motions", bows | {"seconds": raw.motion.seconds}).json()
-    assert len(timed["positions"]) == len(raw.motion) and "count" not in timed["metadata"]
+    assert "made" in raw.motion.cleaned(None, raw.corrections).metadata[kind]
+    if kind == "count":  # nor where somebody gave the length
+        body = {"prompt": prompt, "seed": 1, "seconds": raw.motion.seconds}
+        timed = called.post("/v1/motions", body).json()
+        assert len(timed["positions"]) == len(raw.motion) and "count" not in timed["metadata"]
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,14 @@ def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Called]:
         yield called
 
 
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A studio that never starts."""
+    library = Library(tmp_path_factory.mktemp("library"))
+    yield create_studio(SETTINGS, library)
+    library.close()
+
+
 @pytest.fixture
 def library(tmp_path: Path) -> Iterator[Library]:
     library = Library(tmp_path / "library")

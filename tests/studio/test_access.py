@@ -11,12 +11,9 @@ import httpx
 import pytest
 
 from latentmotion.studio import app as application
-from latentmotion.studio.app import create_studio
-from latentmotion.studio.library import Library
 from tests.service.conftest import TOKEN, Called
 from tests.service.test_guard import answered
 from tests.service.test_schemathesis import CASES, check_requests
-from tests.studio.conftest import SETTINGS
 
 PRIVATE = [
     ("GET", "/studio/v1/capabilities"),
@@ -36,14 +33,6 @@ PRIVATE = [
     ("GET", "/studio/assets/nothing.js"),
     ("POST", "/v1/motions"),
 ]
-
-
-@pytest.fixture(scope="module")
-def app(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """A studio that never starts."""
-    library = Library(tmp_path_factory.mktemp("library"))
-    yield create_studio(SETTINGS, library)
-    library.close()
 
 
 @pytest.mark.parametrize(("method", "path"), PRIVATE)

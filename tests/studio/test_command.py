@@ -9,6 +9,8 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -19,29 +21,32 @@ from latentmotion.cli.main import main
 from latentmotion.studio.library import default_folder
 
 
-def test_the_command_prints_a_page_that_its_token_opens(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "latentmotion", "studio", "--no-browser", "--port", "0"]
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join(sys.path),
-        "XDG_DATA_HOME": str(tmp_path),
-    }
+@contextmanager
+def started(folder: Path, *words: str, **variables: str) -> Iterator[str]:
+    """Starts a studio whose library is below a folder; yields the line that it prints."""
+    command = [sys.executable, "-m", "latentmotion", "studio", "--port", "0", *words]
+    variables |= {"PYTHONPATH": os.pathsep.join(sys.path), "XDG_DATA_HOME": str(folder)}
+    environment = os.environ | variables
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         try:
             assert process.stdout is not None
-            printed = re.fullmatch(
-                r"(http://127\.0\.0\.1:\d+)(/studio)#token=(\S{43})\n", process.stdout.readline()
-            )
-            assert printed is not None
-            base, page, token = printed.groups()
-            with httpx.Client(base_url=base, timeout=60) as client:
-                assert client.get(page).headers["content-type"].startswith("text/html")
-                assert client.get("/studio/v1/takes").status_code == 401
-                headers = {"Authorization": f"Bearer {token}"}
-                assert client.get("/studio/v1/takes", headers=headers).json()["total"] == 0
+            yield process.stdout.readline()
             process.send_signal(signal.SIGTERM)
             assert process.wait(60) in (0, -signal.SIGTERM)
         finally:
             process.kill()
+
+
+def test_the_command_prints_a_page_that_its_token_opens(tmp_path: Path) -> None:
+    with started(tmp_path, "--no-browser") as line:
+        printed = re.fullmatch(r"(http://127\.0\.0\.1:\d+)(/studio)#token=(\S{43})\n", line)
+        assert printed is not None
+        base, page, token = printed.groups()
+        with httpx.Client(base_url=base, timeout=60) as client:
+            assert client.get(page).headers["content-type"].startswith("text/html")
+            assert client.get("/studio/v1/takes").status_code == 401
+            headers = {"Authorization": f"Bearer {token}"}
+            assert client.get("/studio/v1/takes", headers=headers).json()["total"] == 0
     folder = tmp_path / "latentmotion" / "library"
     assert sys.platform != "linux" or (folder / "library.sqlite3").is_file()
 
@@ -56,27 +61,15 @@ def test_no_list_of_processes_has_the_token(tmp_path: Path) -> None:
         f"pathlib.Path({str(words)!r}).write_text(sys.argv[1] + chr(10) + page)\n"
     )
     browser.chmod(0o700)
-    command = [sys.executable, "-m", "latentmotion", "studio", "--port", "0"]
-    environment = os.environ | {
-        "BROWSER": str(browser),
-        "PYTHONPATH": os.pathsep.join(sys.path),
-        "XDG_DATA_HOME": str(tmp_path),
-    }
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
-        try:
-            assert process.stdout is not None
-            address = process.stdout.readline().strip()
-            while not (words.is_file() and words.read_text().count("\n") > 2):
-                time.sleep(0.05)
-            place, _, page = words.read_text().partition("\n")
-            assert place.startswith("file://") and address.partition("=")[2] not in place
-            assert f'content="0; url={address}"' in page
-            file = Path(unquote(urlsplit(place).path))
-            assert file.stat().st_mode & 0o777 == 0o600
-            process.send_signal(signal.SIGTERM)
-            assert process.wait(60) in (0, -signal.SIGTERM)
-        finally:
-            process.kill()
+    with started(tmp_path, BROWSER=str(browser)) as line:
+        address = line.strip()
+        while not (words.is_file() and words.read_text().count("\n") > 2):
+            time.sleep(0.05)
+        place, _, page = words.read_text().partition("\n")
+        assert place.startswith("file://") and address.partition("=")[2] not in place
+        assert f'content="0; url={address}"' in page
+        file = Path(unquote(urlsplit(place).path))
+        assert file.stat().st_mode & 0o777 == 0o600
 
 
 def test_a_second_studio_on_the_same_port_says_so(

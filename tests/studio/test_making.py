@@ -143,7 +143,7 @@ def test_a_recipe_of_a_take_may_be_sent_again(studio: Called) -> None:
         ({"prompt": ""}, "the sentence is empty"),
         ({**WALK, "seconds": 99}, "0.6 to 9.8 seconds"),
         ({**WALK, "steps": 3}, "takes 1, 2, 4"),
-        ({**WALK, "timeline": SPANS}, "leave prompt and seconds out"),
+        ({**WALK, "timeline": SPANS}, "a timeline has no prompt, length or goals"),
         ({"timeline": SPANS, "loop": True}, "a timeline and a loop; expected one of them"),
         ({**WALK, "timeline_parts": [PART]}, "timeline_parts needs a timeline"),
         ({"timeline": SPANS, "best_of": 2}, "a timeline takes no goals"),

@@ -9,19 +9,9 @@ from typing import Any
 import pytest
 
 from latentmotion.errors import InputError
-from latentmotion.studio.app import COOKIE, create_studio, kept_token
-from latentmotion.studio.library import Library
+from latentmotion.studio.app import COOKIE, kept_token
 from tests.service.conftest import TOKEN
 from tests.service.test_guard import answered
-from tests.studio.conftest import SETTINGS
-
-
-@pytest.fixture(scope="module")
-def app(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """A studio that never starts."""
-    library = Library(tmp_path_factory.mktemp("library"))
-    yield create_studio(SETTINGS, library)
-    library.close()
 
 
 def test_a_token_becomes_a_cookie_that_no_script_or_other_site_has(app: Any) -> None:

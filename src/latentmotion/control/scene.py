@@ -16,8 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from latentmotion.control.generator import Generator
 from latentmotion.control.goals import Goal, Heading, LookAt, Pose, Reach, RootPath
-from latentmotion.control.timeline import PartSpan, Span
+from latentmotion.control.stream import generate_loop
+from latentmotion.control.timeline import PartSpan, Span, generate_timeline
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.storage.configuration import read_json
@@ -67,7 +69,7 @@ class Scene:
     # Whether it is a seamless cycle: the last frame is the first, farther along its path.
     loop: bool = False
 
-    def all_goals(self, folder: Path) -> list[Goal]:
+    def all_goals(self, folder: Path = Path()) -> list[Goal]:
         """Returns the goals for `MotionPipeline`, poses read.
 
         Args:
@@ -88,25 +90,51 @@ def read_scene(path: Path) -> Scene:
         InputError: It is missing or no JSON, a key is unknown, missing or of the wrong type (the
             message has the nearest name), or it is of another version.
     """
-    scene = read_json(Scene, path)
+    return checked(read_json(Scene, path), path)
+
+
+def checked(scene: Scene, where: object) -> Scene:
+    """Returns a scene that is of one kind, and not too large.
+
+    Args:
+        scene: The scene.
+        where: What it is from, for errors.
+
+    Raises:
+        InputError: It is of another version, of several kinds, or has too many goals or prompts.
+    """
     if scene.format != FORMAT:
-        raise InputError(f"{path}: format {scene.format}, expected {FORMAT}; update latentmotion")
+        raise InputError(f"{where}: format {scene.format}, expected {FORMAT}; update latentmotion")
     most = dict.fromkeys(("goals", "headings", "looks", "poses"), MOST_GOALS)
     for name, count in {**most, "timeline": MOST_SPANS, "timeline_parts": MOST_SPANS}.items():
         if len(getattr(scene, name)) > count:
             size = f"{len(getattr(scene, name)):,} {name}"
-            raise InputError(f"{path}: {size}, expected at most {count}")
+            raise InputError(f"{where}: {size}, expected at most {count}")
     if scene.path is not None and len(scene.path.points) > MOST_GOALS:
         size = f"a path of {len(scene.path.points):,} points"
-        raise InputError(f"{path}: {size}, expected at most {MOST_GOALS}; leave some out")
+        raise InputError(f"{where}: {size}, expected at most {MOST_GOALS}; leave some out")
     single = scene.prompt or scene.seconds is not None or scene.path or scene.goals
     if scene.timeline and (single or scene.headings or scene.looks or scene.poses):
-        raise InputError(f"{path}: a timeline has no prompt, length or goals")
+        raise InputError(f"{where}: a timeline has no prompt, length or goals")
     if scene.loop and (scene.timeline or scene.path or scene.goals or scene.poses):
-        raise InputError(f"{path}: a loop has no timeline or goals")
+        raise InputError(f"{where}: a loop has no timeline or goals")
     if scene.timeline_parts and not scene.timeline:
-        raise InputError(f"{path}: timeline_parts needs a timeline that the whole body follows")
+        raise InputError(f"{where}: timeline_parts needs a timeline that the whole body follows")
     return scene
+
+
+def loop_or_timeline(
+    generator: Generator,
+    scene: Scene,
+    seed: int,
+    steps: int | None = None,
+    guidance: float | None = None,
+) -> Motion:
+    """Generates the motion of a scene that is a loop or a timeline, not cleaned up."""
+    settings = (seed, steps, guidance)
+    if scene.loop:
+        return generate_loop(generator, scene.prompt, scene.seconds, *settings)
+    return generate_timeline(generator, scene.timeline, *settings, scene.timeline_parts)
 
 
 def parse_reach(text: str) -> Reach:

@@ -19,8 +19,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field
 
 from latentmotion import __version__
-from latentmotion.control.scene import FORMAT, SCHEMA_FILE, Scene, read_scene
-from latentmotion.control.timeline import generate_timeline
+from latentmotion.control.scene import FORMAT, SCHEMA_FILE, Scene, checked, loop_or_timeline
 from latentmotion.errors import InputError, LatentMotionError
 from latentmotion.formats import ENDINGS, READABLE, load, save
 from latentmotion.kinematics.humanoid import to_humanml3d
@@ -34,6 +33,8 @@ from latentmotion.ranking.scorer import Scorer
 from latentmotion.ranking.search import MotionIndex
 from latentmotion.render import strip
 from latentmotion.retarget import read_rig, transfer
+from latentmotion.storage.configuration import from_json
+from latentmotion.storage.reading import parse_json
 
 _EXAMPLE = (
     '{"prompt": "a person walks", "seconds": 4, "seed": 7, "path": {"points": [[0, 0], [1, 3]]}, '
@@ -73,11 +74,11 @@ class Tools:
         Meters, y up; the person starts above the origin facing +z, and +x is on the left. The
         resource latentmotion://scene.schema.json describes all keys.
         """
-        read = self._scene(scene)
+        values = parse_json(json.dumps({"format": FORMAT, **scene}), "scene")  # finite numbers
+        read = checked(from_json(Scene, values), "scene")
         seed = read.seed or 0
-        if read.timeline:
-            spans, parts = read.timeline, read.timeline_parts
-            motion = generate_timeline(self.pipeline, spans, seed, parts=parts).cleaned()
+        if read.loop or read.timeline:
+            motion = loop_or_timeline(self.pipeline, read, seed).cleaned()
         else:
             goals = read.all_goals(self.folder)
             motion = self.pipeline(read.prompt, read.seconds, seed, goals=goals)
@@ -122,15 +123,6 @@ class Tools:
             "shows": facts(motion),
         }
         return [json.dumps(about, default=str), picture([motion])]
-
-    def _scene(self, scene: dict[str, Any]) -> Scene:
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder, "scene.json")
-            file.write_text(json.dumps({"format": FORMAT, **scene}), encoding="utf-8")
-            try:
-                return read_scene(file)
-            except InputError as error:
-                raise InputError(str(error).replace(f"{file}", "scene")) from error
 
     def _read(self, file: str) -> list[Motion]:
         return load(self._path(file))

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from latentmotion.control.goals import Goal, Heading, LookAt, Reach, RootPath
-from latentmotion.control.timeline import PartSpan, Span
+from latentmotion.control.scene import FORMAT, Scene, checked
 from latentmotion.diffusion.samplers import SamplerName
-from latentmotion.errors import InputError
 from latentmotion.pipeline import RawMotion
 from latentmotion.service.batching import BatchSettings, Prompt
+from latentmotion.storage.configuration import from_json
 from latentmotion.storage.limits import MOST_GOALS, MOST_SPANS
 
 MOST_CHARACTERS = 500
@@ -214,28 +213,15 @@ class SceneRequest(_Sampled):
         """Returns the prompt for the queue."""
         return [Prompt(self.prompt, self.seconds, self.seed)]
 
-    def spans(self) -> list[Span]:
-        """Returns the timeline for `MotionPipeline`."""
-        return [Span(span.prompt, span.seconds) for span in self.timeline]
-
-    def part_spans(self) -> list[PartSpan]:
-        """Returns what parts of the body do during the timeline, for `MotionPipeline`.
+    def scene(self) -> Scene:
+        """Returns the scene as `control` has it.
 
         Raises:
-            InputError: Times are not ascending, or there is no timeline.
+            InputError: It is of several kinds, or a goal or a time cannot be used.
         """
-        if self.timeline_parts and not self.timeline:
-            raise InputError("timeline_parts needs a timeline that the whole body follows; add one")
-        return [PartSpan(**span.model_dump()) for span in self.timeline_parts]
-
-    def all_goals(self) -> list[Goal]:
-        """Returns the goals for `MotionPipeline`."""
-        goals: list[Goal] = []
-        if self.path is not None:
-            goals.append(RootPath(**vars(self.path)))
-        goals += [Reach(**vars(goal)) for goal in self.goals]
-        goals += [Heading(**vars(goal)) for goal in self.headings]
-        return goals + [LookAt(**vars(look)) for look in self.looks]
+        shared = {field.name for field in fields(Scene)} - {"format", "poses"}
+        values = self.model_dump(include=shared)
+        return checked(from_json(Scene, {"format": FORMAT, **values}), "the request")
 
 
 class MotionRequest(SceneRequest):

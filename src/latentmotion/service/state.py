@@ -15,8 +15,7 @@ from starlette.requests import Request
 
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp
-from latentmotion.control.stream import generate_loop
-from latentmotion.control.timeline import generate_timeline
+from latentmotion.control.scene import loop_or_timeline
 from latentmotion.errors import LatentMotionError
 from latentmotion.formats.content import encoded
 from latentmotion.pipeline import MotionPipeline, RawMotion
@@ -178,18 +177,12 @@ class Service:
             Problem: The queue is full, or the time is over.
         """
         pipeline, seconds = self.pipeline, until - time.monotonic()
-        goals, sampled = request.all_goals(), (request.steps, request.guidance)
-        settings, parts = request.settings(request.seconds is None), request.part_spans()
-        if request.loop and (request.timeline or goals or request.sampler):
-            raise Problem(422, "a loop has no timeline, sampler or goals")
-        if request.loop:
-            about = request.prompt, request.seconds, request.seed, *sampled
-            make = partial(generate_loop, pipeline, *about)
-        elif request.timeline:
-            if goals or request.prompt or request.seconds is not None or request.sampler:
-                raise Problem(422, "a timeline has no prompt, seconds, sampler or goals")
-            spans = request.spans()
-            make = partial(generate_timeline, pipeline, spans, request.seed, *sampled, parts)
+        scene, sampled = request.scene(), (request.steps, request.guidance)
+        settings, goals = request.settings(request.seconds is None), scene.all_goals()
+        if scene.loop or scene.timeline:
+            if request.sampler:
+                raise Problem(422, "loops and timelines have a sampler of their own; leave it out")
+            make = partial(loop_or_timeline, pipeline, scene, request.seed, *sampled)
         elif goals:
             batching.check(pipeline, settings, request.prompts())
             about = request.prompt, request.seconds, request.seed, *sampled, request.sampler

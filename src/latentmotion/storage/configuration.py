@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import reprlib
 import types
@@ -56,7 +57,7 @@ def from_json(cls: type[T], data: Any, where: str = "") -> T:
     missing = ", ".join(repr(name) for name in needed if name not in entries)
     if missing:
         raise InputError(f"{where or cls.__name__}: missing key {missing}")
-    hints = typing.get_type_hints(cls)
+    hints = _type_hints(cls)
     prefix = f"{where}." if where else ""
     values = {key: _convert(hints[key], value, prefix + key) for key, value in entries.items()}
     return cls(**values)
@@ -108,6 +109,10 @@ def part_named(group: Group, name: str) -> Any:
     if part is None:
         raise InputError(f"{group}: {name!r} cannot be loaded; see the warning above")
     return part
+
+
+# Evaluated once for each class, since requests of the service are read so, too.
+_type_hints = functools.cache(typing.get_type_hints)
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:

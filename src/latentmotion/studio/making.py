@@ -12,8 +12,7 @@ from latentmotion import __version__
 from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.control.edit import ON_THE_WAY, generate_between, generate_edited
 from latentmotion.control.goals import Pose
-from latentmotion.control.stream import generate_loop
-from latentmotion.control.timeline import generate_timeline
+from latentmotion.control.scene import Scene, loop_or_timeline
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
@@ -113,64 +112,21 @@ def motions_of(
     Raises:
         LatentMotionError: The recipe cannot be met.
     """
-    check(recipe)
+    scene, prompt, seconds = scene_of(recipe), recipe.prompt, recipe.seconds
     fps, sampled = pipeline.representation.fps, (recipe.steps, recipe.guidance)
     if recipe.edit is not None:
         edit = recipe.edit
-        about = source(edit.take).resampled(fps), recipe.prompt, edit.between
+        about = source(edit.take).resampled(fps), prompt, edit.between
         return [generate_edited(pipeline, *about, seed, *sampled, edit.parts) for seed in seeds]
     if recipe.between is not None:
         start, end = (source(n).resampled(fps) for n in (recipe.between.start, recipe.between.end))
-        about = start, end, recipe.seconds or 1.0, recipe.prompt or ON_THE_WAY
+        about = start, end, seconds or 1.0, prompt or ON_THE_WAY
         return [generate_between(pipeline, *about, seed, *sampled) for seed in seeds]
     steps = CleanUp(recipe.exact_count, recipe.exact_turn) if recipe.clean else None
-    return _generated(pipeline, recipe, seeds, source, steps)
-
-
-def check(recipe: Recipe) -> None:
-    """Checks that a recipe is of one kind.
-
-    Raises:
-        InputError: It is of several, or has what its kind does not take.
-    """
-    goals = bool(recipe.goals or recipe.headings or recipe.path or recipe.poses or recipe.start)
-    kinds = {
-        "a timeline": bool(recipe.timeline),
-        "a loop": recipe.loop,
-        "an edit": recipe.edit is not None,
-        "a transition": recipe.between is not None,
-    }
-    chosen = [name for name, there in kinds.items() if there]
-    if len(chosen) > 1:
-        raise InputError(f"the recipe is {' and '.join(chosen)}; expected one of them")
-    for kind in chosen:
-        if goals or recipe.best_of > 1 or recipe.sampler:
-            raise InputError(f"{kind} takes no goals, sampler or best of several; leave them out")
-    if recipe.timeline and (recipe.prompt or recipe.seconds is not None):
-        raise InputError(
-            "a timeline has prompts and lengths of its own; leave prompt and seconds out"
-        )
-    recipe.part_spans()
-    if recipe.edit is not None and recipe.seconds is not None:
-        raise InputError("an edit is as long as the part it replaces; leave seconds out")
-
-
-def _generated(
-    pipeline: MotionPipeline,
-    recipe: Recipe,
-    seeds: Sequence[int],
-    source: Source,
-    steps: CleanUp | None,
-) -> list[Motion]:
-    prompt, seconds, sampled = recipe.prompt, recipe.seconds, (recipe.steps, recipe.guidance)
-    if recipe.timeline:
-        spans, parts = recipe.spans(), recipe.part_spans()
-        motions = [generate_timeline(pipeline, spans, seed, *sampled, parts) for seed in seeds]
+    if scene.loop or scene.timeline:
+        motions = [loop_or_timeline(pipeline, scene, seed, *sampled) for seed in seeds]
         return clean_batch(motions, steps) if steps else motions
-    if recipe.loop:
-        motions = [generate_loop(pipeline, prompt, seconds, seed, *sampled) for seed in seeds]
-        return clean_batch(motions, steps) if steps else motions
-    goals = recipe.all_goals()
+    goals = scene.all_goals()
     goals += [Pose(pose.at, source(pose.take), pose.frame) for pose in recipe.poses]
     if recipe.start is not None:
         # A motion starts above the origin and faces +z, and so does the pose that it starts in.
@@ -188,3 +144,27 @@ def _generated(
     quantiles = [TAKE_QUANTILES[seed % len(TAKE_QUANTILES)] for seed in seeds]
     settings = (*sampled, recipe.sampler, every_other, steps, quantiles)
     return pipeline.batch([prompt] * len(seeds), seconds, seeds, *settings)
+
+
+def scene_of(recipe: Recipe) -> Scene:
+    """Returns the scene of a recipe, once it is of one kind.
+
+    Raises:
+        InputError: It is of several, or has what its kind does not take.
+    """
+    goals = bool(recipe.goals or recipe.headings or recipe.path or recipe.poses or recipe.start)
+    kinds = {
+        "a timeline": bool(recipe.timeline),
+        "a loop": recipe.loop,
+        "an edit": recipe.edit is not None,
+        "a transition": recipe.between is not None,
+    }
+    chosen = [name for name, there in kinds.items() if there]
+    if len(chosen) > 1:
+        raise InputError(f"the recipe is {' and '.join(chosen)}; expected one of them")
+    for kind in chosen:
+        if goals or recipe.best_of > 1 or recipe.sampler:
+            raise InputError(f"{kind} takes no goals, sampler or best of several; leave them out")
+    if recipe.edit is not None and recipe.seconds is not None:
+        raise InputError("an edit is as long as the part it replaces; leave seconds out")
+    return recipe.scene()
