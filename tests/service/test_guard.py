@@ -177,9 +177,9 @@ def test_a_full_queue_refuses_before_the_body_is_read(called: Called) -> None:
 
     async def ask() -> None:
         batcher = called.service.batcher
-        tasks = [asyncio.ensure_future(batcher.submit(object(), [lambda: stop.wait(30)], 30.0))]
-        while not batcher._running:
-            await asyncio.sleep(0.01)
+        held = [lambda: (begun.set(), stop.wait(30))]
+        tasks = [asyncio.ensure_future(batcher.submit(object(), held, 30.0))]
+        await asyncio.to_thread(begun.wait, 30)
         tasks.append(asyncio.ensure_future(batcher.submit(object(), [int] * 8, 30.0)))
         await asyncio.sleep(0)
         scope = {"type": "http", "method": "POST", "path": "/v1/motions", "query_string": b""}
@@ -191,7 +191,7 @@ def test_a_full_queue_refuses_before_the_body_is_read(called: Called) -> None:
     async def keep(message: dict[str, Any]) -> None:
         sent.append(message)
 
-    stop = threading.Event()
+    begun, stop = threading.Event(), threading.Event()
     called.wait(ask())
     assert sent[0]["status"] == 429 and not body
     headers = dict(sent[0]["headers"])

@@ -211,7 +211,7 @@ def _motions(service: Service) -> APIRouter:
         service.check_ready()
 
         async def generated() -> Response:
-            until, settings = service.deadline(), body.settings(body.seconds is None)
+            until, settings = service.deadline(), body.settings()
             with service.place(body.format, body.clean, body.fps):
                 seconds = service.settings.deadline
                 raw = await service.generated(settings, body.all_prompts(), seconds)

@@ -121,7 +121,6 @@ class Batcher:
         self._waiting: deque[_Task] = deque()
         self._background: deque[_Task] = deque()
         self._changed = Condition()
-        self._running = 0
         self._ends = False
         # Seconds per motion until a batch was timed; then the mean of the last ten or so batches.
         self._seconds_each = 0.05
@@ -244,7 +243,6 @@ class Batcher:
             self._metrics.batch_size.observe(len(batch))
             self._metrics.seconds.labels("model").observe(took)
             with self._changed:
-                self._running -= 1
                 self._seconds_each += 0.1 * (took / len(batch) - self._seconds_each)
             with suppress(RuntimeError):  # the loop has ended
                 loop = batch[0].future.get_loop()
@@ -255,7 +253,6 @@ class Batcher:
         with self._changed:
             while not self._ends:
                 if batch := self._next():
-                    self._running += 1
                     return batch
                 self._changed.wait()
         return []

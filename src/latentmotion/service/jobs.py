@@ -194,7 +194,7 @@ class Jobs:
         service = self._service
         try:
             request = self._request(folder)
-            prompts, settings = request.all_prompts(), request.settings(request.seconds is None)
+            prompts, settings = request.all_prompts(), request.settings()
             for start in range(0, len(prompts), TOGETHER):
                 part = folder / f"{start:05}.npz"
                 # Made before a restart, or by another replica.
@@ -256,7 +256,7 @@ def routes(service: Service, jobs: Jobs) -> APIRouter:
     async def add(body: BatchRequest) -> JSONResponse:
         """Have several motions made in the background."""
         service.check_ready()
-        settings = body.settings(body.seconds is None)
+        settings = body.settings()
         await run_in_threadpool(check, service.pipeline, settings, body.all_prompts())
         job = await run_in_threadpool(jobs.add, body)
         jobs.wake()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 from prometheus_client.platform_collector import PlatformCollector
@@ -17,38 +18,27 @@ class Metrics:
     """Counters, gauges and histograms of the service."""
 
     def __init__(self) -> None:
-        self.registry = CollectorRegistry()
-        ProcessCollector(registry=self.registry)
-        PlatformCollector(registry=self.registry)
-        self.requests = Counter(
-            "latentmotion_requests",
-            "Requests by route and status; 499 is a client that had gone.",
-            ("route", "status"),
-            registry=self.registry,
-        )
-        self.shed = Counter(
-            "latentmotion_shed", "Requests refused, by reason.", ("reason",), registry=self.registry
-        )
-        self.dropped = Counter(
-            "latentmotion_dropped", "Requests whose client had gone.", registry=self.registry
-        )
-        self.request_seconds = self._histogram(
-            "latentmotion_request_seconds", "Time of requests.", "route"
-        )
-        self.seconds = self._histogram("latentmotion_part_seconds", "Time of each part.", "part")
-        self.waited = self._histogram("latentmotion_wait_seconds", "Time in the queue.")
-        self.late = self._histogram(
-            "latentmotion_loop_late_seconds", "How late the event loop was, five times a second."
-        )
-        self.batch_size = Histogram(
-            "latentmotion_batch_size",
-            "Motions that were generated together.",
-            buckets=(1, 2, 4, 8, 16, 32, 64),
-            registry=self.registry,
-        )
-        self.open = Gauge("latentmotion_open", "Requests under way.", registry=self.registry)
-        self.streams = Gauge("latentmotion_streams", "Open streams.", registry=self.registry)
-        self.ready = Gauge("latentmotion_ready", "1 if requests are met.", registry=self.registry)
+        registry = self.registry = CollectorRegistry()
+        ProcessCollector(registry=registry)
+        PlatformCollector(registry=registry)
+        counter, gauge = partial(Counter, registry=registry), partial(Gauge, registry=registry)
+        histogram = partial(Histogram, buckets=_SECONDS, registry=registry)
+        about = "Requests by route and status; 499 is a client that had gone."
+        self.requests = counter("latentmotion_requests", about, ("route", "status"))
+        self.shed = counter("latentmotion_shed", "Requests refused, by reason.", ("reason",))
+        self.dropped = counter("latentmotion_dropped", "Requests whose client had gone.")
+        took = "Time of requests."
+        self.request_seconds = histogram("latentmotion_request_seconds", took, ("route",))
+        self.seconds = histogram("latentmotion_part_seconds", "Time of each part.", ("part",))
+        self.waited = histogram("latentmotion_wait_seconds", "Time in the queue.")
+        late = "How late the event loop was, five times a second."
+        self.late = histogram("latentmotion_loop_late_seconds", late)
+        together = "Motions that were generated together."
+        sizes = (1, 2, 4, 8, 16, 32, 64)
+        self.batch_size = histogram("latentmotion_batch_size", together, buckets=sizes)
+        self.open = gauge("latentmotion_open", "Requests under way.")
+        self.streams = gauge("latentmotion_streams", "Open streams.")
+        self.ready = gauge("latentmotion_ready", "1 if requests are met.")
 
     def watch_queue(self, length: Callable[[], float]) -> None:
         """Exports the length of the queue, read at every scrape."""
@@ -58,6 +48,3 @@ class Metrics:
     def text(self) -> bytes:
         """Returns all in Prometheus' format."""
         return generate_latest(self.registry)
-
-    def _histogram(self, name: str, description: str, *labels: str) -> Histogram:
-        return Histogram(name, description, labels, buckets=_SECONDS, registry=self.registry)

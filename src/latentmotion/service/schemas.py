@@ -168,6 +168,8 @@ class PartOfTimeline(RequestModel):
 class _Sampled(RequestModel):
     """Settings of sampling, and what becomes of the motion."""
 
+    seconds: Seconds = None
+    seed: Seed = 0
     steps: Steps = None
     guidance: Guidance = None
     sampler: Sampler = None
@@ -189,17 +191,15 @@ class _Sampled(RequestModel):
             for item in raw
         ]
 
-    def settings(self, predicted: bool) -> BatchSettings:
+    def settings(self) -> BatchSettings:
         """Returns what motions need in common to be generated together."""
-        return BatchSettings(self.steps, self.guidance, self.sampler, predicted)
+        return BatchSettings(self.steps, self.guidance, self.sampler, self.seconds is None)
 
 
 class SceneRequest(_Sampled):
     """A motion to generate: a prompt, with goals if given, or a timeline of prompts."""
 
     prompt: Text = ""
-    seconds: Seconds = None
-    seed: Seed = 0
     goals: list[JointGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     headings: list[HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     looks: list[LookGoal] = Field(default_factory=list, max_length=MOST_GOALS)
@@ -271,10 +271,7 @@ class BatchRequest(_Sampled):
     prompts: list[Text] = Field(min_length=1, max_length=MOST_MOTIONS)
     """What the person does in each motion."""
     count: int = Field(1, ge=1, le=MOST_MOTIONS, strict=True)
-    """Motions per prompt; prompts times count are 256 at most."""
-    seconds: Seconds = None
-    seed: Seed = 0
-    """Seed of the first motion."""
+    """Motions per prompt; prompts times count are 256 at most, with seeds that count up."""
     format: Format = "npz"
     fps: Fps = None
 

@@ -178,7 +178,7 @@ class Service:
         """
         pipeline, seconds = self.pipeline, until - time.monotonic()
         scene, sampled = request.scene(), (request.steps, request.guidance)
-        settings, goals = request.settings(request.seconds is None), scene.all_goals()
+        settings, goals = request.settings(), scene.all_goals()
         if scene.loop or scene.timeline:
             if request.sampler:
                 raise Problem(422, "loops and timelines have a sampler of their own; leave it out")
