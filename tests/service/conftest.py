@@ -52,6 +52,7 @@ class Called:
         self.loop, self.client = loop, client
         self.app: Any = client.app  # type: ignore[attr-defined]
         self.service = self.app.state.service
+        self.library: Any = None  # of a studio
 
     def wait(self, work: Awaitable[Any]) -> Any:
         return self.loop.run_until_complete(work)

@@ -23,7 +23,7 @@ def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Called]:
     library = Library(tmp_path_factory.mktemp("library"))
     app = create_studio(SETTINGS, library)
     with calling(serving(SETTINGS, app=app, token=TOKEN)) as called:
-        called.library = library  # type: ignore[attr-defined]
+        called.library = library
         yield called
 
 

@@ -47,7 +47,7 @@ def test_a_take_is_put_on_a_character(
     character = added(studio, files, name)
     assert (character["guessed"], character["missing"], character["problem"]) == ([], [], None)
     assert character["mapping"]["left_wrist"] == "left_wrist"
-    take = kept(studio.library, WALK).id  # type: ignore[attr-defined]
+    take = kept(studio.library, WALK).id
     answer = studio.get(f"/studio/v1/takes/{take}/on/{character['id']}.glb")
     assert answer.headers["content-type"] == "model/gltf-binary"
     path = tmp_path / "on.glb"
@@ -65,7 +65,7 @@ def test_names_that_say_nothing_are_guessed_and_can_be_corrected(
     some = {"left_hip": character["mapping"]["left_hip"], "left_knee": None}
     corrected = studio.send("PATCH", url, {"mapping": some}).json()
     assert "left_knee" in corrected["missing"]
-    take = kept(studio.library, WALK).id  # type: ignore[attr-defined]
+    take = kept(studio.library, WALK).id
     path = f"/studio/v1/takes/{take}/file?format=bvh&character={character['id']}"
     answer = studio.get(path)
     assert (answer.status_code, "left_knee" in answer.json()["detail"]) == (422, True)
@@ -107,7 +107,7 @@ def test_wrong_corrections_are_refused(
 def test_files_that_are_no_characters_are_refused(
     studio: Called, name: str, body: bytes, told: str
 ) -> None:
-    folder = studio.library.folder / "characters"  # type: ignore[attr-defined]
+    folder = studio.library.folder / "characters"
     before = set(folder.iterdir())
     answer = studio.wait(studio.client.post(f"{URL}?name={name}", content=body))
     assert answer.status_code == 422

@@ -28,7 +28,7 @@ def motion() -> Motion:
 
 @pytest.mark.parametrize("column", DAMAGE)
 def test_a_damaged_take_is_shown_and_stops_nothing(studio: Called, column: str) -> None:
-    library: Library = studio.library  # type: ignore[attr-defined]
+    library: Library = studio.library
     whole, bad = kept(library, motion()), kept(library, motion())
     with library._written() as database:
         database.execute(f"UPDATE takes SET {column} = ? WHERE id = ?", (DAMAGE[column], bad.id))
@@ -66,7 +66,7 @@ def test_errors_of_the_database_are_told(
         error.sqlite_errorcode = code
         raise error
 
-    monkeypatch.setattr(studio.library, "takes", fails)  # type: ignore[attr-defined]
+    monkeypatch.setattr(studio.library, "takes", fails)
     answer = studio.get(TAKES)
     assert answer.status_code == status
     assert "retry-after" in answer.headers

@@ -91,7 +91,7 @@ def test_takes_that_do_not_tell_of_exact_turns_and_counts_have_none(
     one, other = (joints_of(studio, take["id"]) for take in (exact, plain))
     assert one.shape != other.shape or not np.allclose(one, other)
     old = {name: it for name, it in plain["recipe"].items() if name != option}
-    library = studio.library  # type: ignore[attr-defined]
+    library = studio.library
     maker = Maker(studio.service.pipeline, plain["recipe"]["weights"], library)
     np.testing.assert_array_equal(maker.again(old).joints, joints_of(studio, plain["id"]))
 
@@ -167,7 +167,7 @@ def test_a_take_whose_model_is_absent_says_so(
     studio: Called, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (take,) = made(studio, **WALK)
-    library: Any = studio.library  # type: ignore[attr-defined]
+    library = studio.library
     own = library.take(take["id"])
     other = type(own)(**vars(own) | {"recipe": {**own.recipe, "weights": "0" * 64}})
     monkeypatch.setattr(library, "take", lambda name: other)

@@ -33,7 +33,7 @@ def copied(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def models(studio: Called, copied: Path) -> Models:
-    library: Any = studio.library  # type: ignore[attr-defined]
+    library = studio.library
     return Models(studio.service, library, [str(copied)])
 
 
@@ -101,6 +101,6 @@ def test_a_model_of_another_skeleton_is_refused(
         return SimpleNamespace(representation=space)
 
     monkeypatch.setattr(Models, "opened", other)
-    library: Any = studio.library  # type: ignore[attr-defined]
+    library = studio.library
     with pytest.raises(InputError, match="moves 2 joints, others than the 22 of 'fast'"):
         Models(studio.service, library, [str(copied)])

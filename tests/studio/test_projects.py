@@ -26,7 +26,7 @@ def test_a_project_comes_back_as_it_was(studio: Called, name: str) -> None:
     found = studio.get(f"{URL}/{name}").json()
     goals = [kept | PROJECT["goals"][0] for kept in found["goals"]]  # with what is left out
     assert found == found | PROJECT | {"name": name, "goals": goals} and len(goals) == 1
-    file: Path = studio.library.folder / "projects" / f"{name}.json"  # type: ignore[attr-defined]
+    file: Path = studio.library.folder / "projects" / f"{name}.json"
     assert json.loads(file.read_text(encoding="utf-8")) == found
     assert name in [one["name"] for one in studio.get(URL).json()["projects"]]
     assert studio.send("DELETE", f"{URL}/{name}").json() == {"removed": found}
@@ -38,7 +38,7 @@ def test_a_project_comes_back_as_it_was(studio: Called, name: str) -> None:
     "name", ["..%2Fx", "%2e%2e", ".x", "a.b", "a%00", " x", "x%0A", "x" * 81, "-", "a%5Cb", "C%3A"]
 )
 def test_names_that_are_no_files_here_are_refused(studio: Called, name: str) -> None:
-    folder: Path = studio.library.folder  # type: ignore[attr-defined]
+    folder: Path = studio.library.folder
     before = sorted(folder.rglob("*"))
     assert studio.send("PUT", f"{URL}/{name}", PROJECT).status_code in (404, 405, 422)
     assert sorted(folder.rglob("*")) == before
@@ -53,7 +53,7 @@ def test_a_project_of_another_form_is_refused(studio: Called, changes: dict[str,
 
 
 def test_a_file_that_someone_broke_is_told(studio: Called) -> None:
-    folder: Path = studio.library.folder / "projects"  # type: ignore[attr-defined]
+    folder: Path = studio.library.folder / "projects"
     for text, told in (("{", "broken.json"), ('{"format": 7}', "of format 7, expected 1")):
         (folder / "broken.json").write_text(text)
         answer = studio.get(f"{URL}/broken")

@@ -24,7 +24,7 @@ WALK = Motion(figure(1.5, speed=1.0), caption="a person walks to the left")
 @pytest.fixture
 def take(studio: Called) -> Iterator[str]:
     """A take with all edits."""
-    name = kept(studio.library, WALK).id  # type: ignore[attr-defined]
+    name = kept(studio.library, WALK).id
     edits = {"trim": [0.2, 1.2], "speed": 1.5, "in_place": True, "mirrored": True}
     answer = studio.send("PATCH", f"{URL}/{name}", edits)
     assert answer.json()["edits"] == edits
@@ -45,7 +45,7 @@ def loaded(tmp_path: Path, data: bytes, ending: str) -> Motion:
 
 
 def test_joints_of_several_takes_come_at_once(studio: Called, take: str) -> None:
-    other = kept(studio.library, WALK).id  # type: ignore[attr-defined]
+    other = kept(studio.library, WALK).id
     one, two, both = (
         studio.get(f"/studio/v1/{path}")
         for path in (
@@ -123,7 +123,7 @@ def test_changes_that_cannot_be_made_are_refused(
 
 
 def test_a_motion_that_is_gone_is_told(studio: Called) -> None:
-    library: Any = studio.library  # type: ignore[attr-defined]
+    library = studio.library
     take = kept(library, Motion(WALK.joints[:7]))
     (library.folder / "motions" / f"{take.motion}.npz").unlink()
     assert studio.get(f"{URL}/{take.id}").json()["missing"]
@@ -190,7 +190,7 @@ def test_other_skeletons_are_refused(studio: Called, tmp_path: Path) -> None:
 
 
 def test_an_archive_holds_a_file_for_each_take(studio: Called, take: str) -> None:
-    other = kept(studio.library, WALK).id  # type: ignore[attr-defined]
+    other = kept(studio.library, WALK).id
     answer = studio.post("/studio/v1/export", {"ids": [take, other], "format": "csv"})
     with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
         assert len(archive.namelist()) == 2

@@ -24,7 +24,7 @@ def test_a_take_teaches_its_sentences_at_once_and_after_a_restart(tmp_path: Path
         library = Library(tmp_path / "library")
         app = create_studio(SETTINGS, library)
         with calling(serving(SETTINGS, app=app, token=TOKEN)) as called:
-            called.library = library  # type: ignore[attr-defined]
+            called.library = library
             if not start:
                 (take,) = made(called, prompt=SHOWN, seconds=2)
                 before = clips_of(called, made(called, prompt=NEW))
@@ -40,4 +40,4 @@ def test_a_take_without_a_sentence_teaches_nothing(studio: Called) -> None:
     for sentences in ([], ["  "]):
         answer = studio.post(f"/studio/v1/takes/{take['id']}/teach", {"sentences": sentences})
         assert answer.status_code == 422
-    assert not (studio.library.folder / "moves").exists()  # type: ignore[attr-defined]
+    assert not (studio.library.folder / "moves").exists()
