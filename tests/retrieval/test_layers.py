@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from latentmotion.kinematics.skeleton import HUMANML3D
-from latentmotion.retrieval.layers import is_gesture, is_low, layered
+from latentmotion.retrieval.layers import is_gesture, layered, stands
 
 NAMES = list(HUMANML3D.names)
 FRAMES = 40
@@ -58,5 +58,5 @@ def test_legs_stand_in_a_gesture(joints, gesture):
     assert is_gesture(joints, NAMES) == gesture
 
 
-def test_who_sits_at_the_end_is_low():
-    assert is_low(body(sinks=0.4), body(), NAMES) and not is_low(body(), body(), NAMES)
+def test_who_sits_down_does_not_stand_any_more():
+    assert stands(body(sinks=0.4), NAMES).tolist() == [True] * 20 + [False] * 20

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from latentmotion.arrays import unit
 
@@ -40,15 +40,16 @@ def is_gesture(joints: Joints, names: Sequence[str]) -> bool:
         names: Of the joints.
     """
     ankles, pelvis = _heights(joints, names)
-    limb = np.linalg.norm(np.diff(joints[:, _leg(names)], axis=1), axis=-1).sum(axis=1)
-    stands = (pelvis - ankles.min(axis=1) > _UPRIGHT * limb).all()
-    return bool(stands and np.ptp(pelvis) < _RISE and np.ptp(ankles, axis=0).max() < _STEP)
+    level = np.ptp(pelvis) < _RISE and np.ptp(ankles, axis=0).max() < _STEP
+    return bool(level and stands(joints, names).all())
 
 
-def is_low(body: Joints, gesture: Float[np.ndarray, "_ joints 3"], names: Sequence[str]) -> bool:
-    """Whether a body sits, kneels or lies at the end, and stands in a gesture."""
-    (ankles, pelvis), (others, other) = _heights(body, names), _heights(gesture, names)
-    return bool((pelvis - ankles.min(axis=1))[-1] < _UPRIGHT * (other - others.min(axis=1))[0])
+def stands(joints: Joints, names: Sequence[str]) -> Bool[np.ndarray, " frames"]:
+    """Whether a body is upright on its legs, rather than sitting, kneeling or lying."""
+    ankles, pelvis = _heights(joints, names)
+    leg = joints[:, [names.index(f"left_{part}") for part in ("hip", "knee", "ankle")]]
+    length = np.linalg.norm(np.diff(leg, axis=1), axis=-1).sum(axis=1).max()
+    return pelvis - ankles.min(axis=1) > _UPRIGHT * length
 
 
 def lowest(body: Joints, names: Sequence[str]) -> int:
@@ -86,10 +87,6 @@ def layered(under: Joints, over: Joints, names: Sequence[str]) -> Joints:
         share = share[:, None, None]
         body[:, arm] = share * placed(arm) + (1 - share) * under[:, arm]
     return body
-
-
-def _leg(names: Sequence[str]) -> list[int]:
-    return [names.index(f"left_{part}") for part in ("hip", "knee", "ankle")]
 
 
 def _heights(

@@ -29,7 +29,7 @@ from latentmotion.representation.interface import Representation
 from latentmotion.retrieval.choices import USUAL, Choice, Chooser
 from latentmotion.retrieval.doubts import Reading
 from latentmotion.retrieval.index import DRAWN, RARE, SHOWN, Neighbor
-from latentmotion.retrieval.layers import is_gesture, is_low, layered, lowest
+from latentmotion.retrieval.layers import is_gesture, layered, lowest, stands
 
 # Cosine up to which a caption says nothing of what a sentence asks for; the short sentences of
 # drawn clips are still right where longer captions are not (by two lists of 80 prompts).
@@ -209,30 +209,51 @@ class ClipStarts:
         request: GenerationRequest,
     ) -> list[Float[np.ndarray, "_ width"]]:
         """Returns the latents of each movement, gestures over what the body does beneath."""
-        names, parts = list(self.representation.skeleton.names), list[np.ndarray]()
+        parts: list[np.ndarray] = []
         for choice, neighbor in zip(choices, chosen, strict=True):
             latents = self._latents(neighbor) if neighbor else self._sampled(choice, request)
             drawn = neighbor is not None and neighbor.caption.support == DRAWN
-            gesture = self._joints(latents) if drawn and (parts or choice.under) else None
-            if gesture is not None and is_gesture(gesture, names):
-                body: np.ndarray | None = None
-                if under := choice.under:
-                    near, seed = under.neighbors, request.seeds[0]
-                    body = self._joints(
-                        stretched(self._latents(near[seed % len(near)]), len(latents))
-                        if near
-                        else self._sampled(under, request, len(gesture))
-                    )[: len(gesture)]
-                elif parts and is_low(before := self._joints(parts[-1]), gesture, names):
-                    # Who sits stays on the seat while waving.
-                    last = lowest(before, names)
-                    parts[-1] = parts[-1][: last // self._frames_per_token + 1]
-                    body = np.repeat(before[last : last + 1], len(gesture), axis=0)
-                if body is not None:
-                    features = self.representation.encode(layered(body, gesture, names))
-                    latents = self.encoder(features)[: len(latents)]
+            if drawn and (choice.under or parts):
+                latents = self._layered(latents, choice.under, parts, request)
             parts.append(latents)
         return parts
+
+    def _layered(
+        self,
+        latents: Float[np.ndarray, "tokens width"],
+        under: Choice | None,
+        parts: list[np.ndarray],
+        request: GenerationRequest,
+    ) -> Float[np.ndarray, "tokens width"]:
+        """Returns a gesture over what the body does meanwhile; any other movement as it is.
+
+        Args:
+            latents: Of the movement.
+            under: What the body does meanwhile; by default it stays as the movement before left it
+                where it does not stand: who sits stays on the seat while waving.
+            parts: The movements before; the last is cut where it begins to rise.
+            request: The motion.
+        """
+        names, gesture = list(self.representation.skeleton.names), self._joints(latents)
+        if not is_gesture(gesture, names):
+            return latents
+        if under:
+            near = under.neighbors
+            beneath = (
+                stretched(self._latents(near[request.seeds[0] % len(near)]), len(latents))
+                if near
+                else self._sampled(under, request, len(gesture))
+            )
+            body = self._joints(beneath)[: len(gesture)]
+        else:
+            before = self._joints(parts[-1])
+            if stands(before, names)[-1]:
+                return latents
+            last = lowest(before, names)
+            parts[-1] = parts[-1][: last // self._frames_per_token + 1]
+            body = np.repeat(before[last : last + 1], len(gesture), axis=0)
+        features = self.representation.encode(layered(body, gesture, names))
+        return self.encoder(features)[: len(latents)]
 
     def _joints(
         self, latents: Float[np.ndarray, "tokens width"]
