@@ -238,6 +238,10 @@ def test_a_clip_is_no_longer_than_its_act_usually_is(fast):
     assert len(fast("a person raises both hands", seed=60)) <= 80  # rest makes it no longer
 
 
+def test_an_act_that_may_last_any_time_takes_the_length_of_its_clip(fast):
+    assert fast("runs while holding the hat on his head", seed=0).seconds <= 9.8
+
+
 def test_half_of_the_takes_start_from_clips_and_have_an_advantage(fast):
     motion = fast("she sweeps the floor", seed=0)
     advantages = [take["advantage"] for take in motion.metadata["best_of"]]

@@ -182,7 +182,7 @@ class ClipStarts:
             shortest, longest = self.card.frames
             shown = any(choice.support == SHOWN for choice in choices)
             if limits and not shown and len(choices) == 1:
-                longest = min(longest, int(limits[1] * self.representation.fps))
+                longest = int(min(longest, limits[1] * self.representation.fps))
             frames = (sum(map(len, parts)) + sum(seams)) * self._frames_per_token
             frames = min(max(frames, shortest), longest)
         rarest = min((c for c in choices if c.neighbors), key=lambda choice: choice.support)
