@@ -249,6 +249,8 @@ class Chooser:
         """Whether the caption nearest to a span of clauses tells of all of them."""
         clauses, choice = span
         caption = choice.neighbors[0].caption
+        if any(map(_gaits_of, clauses)) and not _gaits_of(caption.text):
+            return False  # "walks to the window and looks out" is no look through one
         if caption.support == DRAWN and choice.is_near and _names(caption.text, clauses):
             return True
         number = next(n for n, other in enumerate(self.index.captions) if other is caption)
