@@ -396,6 +396,13 @@ class NearestLatents:
         return z.detach().numpy()
 
 
+def read_rows(table: Path) -> list[dict[str, Any]]:
+    """Returns the rows of a table; one that mirrors another has all that the other has."""
+    rows = tomllib.loads(table.read_text("utf-8"))["gesture"]
+    by_name = {row["captions"][0]: row for row in rows}
+    return [{**by_name.get(row.get("mirrors"), {}), **row} for row in rows]
+
+
 def name_of(gesture: dict[str, Any]) -> str:
     """Returns the name of a row's clip, which other captions leave as it is."""
     drawn = json.dumps({key: value for key, value in gesture.items() if key != "captions"})
@@ -444,9 +451,10 @@ class Gestures:
         }
         names, shown, latents = [*space.skeleton.names], [], []
         owners = {clips[clip].source for clip in RECORDINGS.values()}
-        for gesture in tomllib.loads(self.table.read_text("utf-8"))["gesture"]:
+        for gesture in read_rows(self.table):
             name = gesture.get("on", "stand")
             features = space.encode(draw(gesture, recordings[name], names, space.fps))
+            features = space.mirror(features) if "mirrors" in gesture else features
             captions = tuple(Caption(text, 0, len(features)) for text in gesture["captions"])
             origin = RECORDINGS[name]
             shown.append(ShownClip(name_of(gesture), SOURCE, origin, features, captions))
@@ -455,7 +463,7 @@ class Gestures:
         credit = f"Latent Motion, drawn on recordings of {'; '.join(credits)}"
         source = Source(SOURCE, " and ".join(sorted(licenses)), credit)
         search = NearestLatents.of(find_model(self.model), pipeline.feature_encoder)
-        shipped = pipeline.clip_starts.index if pipeline.clip_starts else None
+        shipped = pipeline.clip_starts.chooser.index if pipeline.clip_starts else None
         stored = {clip.id: clip for clip in shipped.clips} if shipped and not self.anew else {}
 
         def encoder(features: Float[np.ndarray, "frames features"]) -> np.ndarray:
