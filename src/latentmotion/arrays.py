@@ -12,7 +12,7 @@ from typing import Any
 import array_api_compat
 import numpy as np
 from array_api_compat import device as device
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 _YZX, _ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])
 _NUMPY_HAS_ARRAY_API = hasattr(np, "unstack")  # its last function to arrive, in 2.1
@@ -42,9 +42,28 @@ def prefix_mask(
     return xp.arange(width, device=device(counts)) < counts[:, None]
 
 
+def dot(
+    a: Float[np.ndarray, "*#batch width"], b: Float[np.ndarray, "*#batch width"]
+) -> Float[np.ndarray, "*batch"]:
+    """Returns the dot products of vectors, in a third of the time of `numpy.sum`."""
+    return np.einsum("...n,...n->...", a, b)
+
+
+def perpendicular(
+    vectors: Float[np.ndarray, "*#batch width"], axis: Float[np.ndarray, "*#batch width"]
+) -> Float[np.ndarray, "*batch width"]:
+    """Returns what of vectors is perpendicular to an axis of length 1."""
+    return vectors - axis * dot(vectors, axis)[..., None]
+
+
+def length(vectors: Float[np.ndarray, "*batch width"]) -> Float[np.ndarray, "*batch"]:
+    """Returns the lengths of vectors, in a third of the time of `numpy.linalg.norm`."""
+    return np.sqrt(dot(vectors, vectors))
+
+
 def unit(vectors: Float[np.ndarray, "*batch width"]) -> Float[np.ndarray, "*batch width"]:
     """Returns vectors of length 1 in the same directions; those of length 0 stay 0."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+    return vectors / np.maximum(length(vectors), 1e-12)[..., None]
 
 
 def cross(
@@ -64,3 +83,15 @@ def quantile(values: Float[np.ndarray, "n ..."], share: float) -> Float[np.ndarr
     lower = int(position)
     upper = min(lower + 1, len(values) - 1)
     return np.asarray(ordered[lower] + (position - lower) * (ordered[upper] - ordered[lower]))
+
+
+def running_maximum(values: Shaped[np.ndarray, "n ..."], width: int) -> Shaped[np.ndarray, "m ..."]:
+    """Returns the maxima of so many successive rows, as many rows less as a maximum has further.
+
+    A maximum of few rows gives that of twice as many, so 32 rows take five steps.
+    """
+    most, rows = values, 1
+    while rows < width:
+        further = min(rows, width - rows)
+        most, rows = np.maximum(most[:-further], most[further:]), rows + further
+    return most

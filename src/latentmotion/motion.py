@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.errors import InputError
-from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton, interpolate
 from latentmotion.language.claims import mirror_words
 from latentmotion.plugins import registered
 from latentmotion.progress import counted
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from latentmotion.kinematics.recorded import Recorded
     from latentmotion.kinematics.standing import Stated
     from latentmotion.measure.objects import ImpliedObject
+    from latentmotion.representation.interface import Representation
 
 
 # Metadata that hold for a motion's frames as they were generated.
@@ -294,3 +295,28 @@ def animations(motions: Sequence[Motion]) -> list[Animation]:
         for number, animation in zip(numbers, solutions, strict=True):
             new[number].__dict__["_solved"] = new[number]._turning(animation)
     return [motion.animation() for motion in motions]
+
+
+# Frames at 20 a second of the shortest motion whose features say anything.
+_SHORTEST = 5
+
+
+def features_of(
+    motion: Motion, representation: Representation
+) -> Float[np.ndarray, "frames features"]:
+    """Returns a motion's features at the representation's frame rate, for a body of its size.
+
+    Raises:
+        InputError: The motion has another skeleton, or is shorter than 0.3 s.
+    """
+    if motion.skeleton.names != representation.skeleton.names:
+        raise InputError(
+            f"the motion's skeleton is {motion.skeleton.name!r}, expected "
+            f"{representation.skeleton.name!r}; convert it first: latentmotion.to_humanml3d"
+        )
+    joints = motion.joints.astype(np.float64)
+    if len(motion) > 1 and motion.fps != representation.fps:
+        joints = interpolate(joints, motion.fps / representation.fps)
+    if len(joints) < _SHORTEST:
+        raise InputError(f"a motion of {motion.seconds:.2f} s; expected 0.3 s or more")
+    return representation.encode(representation.retarget(joints))

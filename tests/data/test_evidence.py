@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from latentmotion.data.quality import find_glitch, without_blend, without_t_poses
-from latentmotion.data.recording import every, interpolate, whole_step
+from latentmotion.data.recording import every, whole_step
 from latentmotion.data.sources.snu import EVIDENCE, floor_of, shows
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, interpolate
 from tests.support.mocap_folders import swaying
 from tests.support.simple_motions import FPS, figure, mirrored, raised
 

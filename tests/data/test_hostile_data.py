@@ -12,10 +12,10 @@ from safetensors.numpy import load_file, save_file
 
 from latentmotion.data.clip import Source, fit_sentences, parse_sentences
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.recording import interpolate
 from latentmotion.data.sources.humanml3d import read_texts
 from latentmotion.data.sources.own import OwnMotions, _read_csv
 from latentmotion.errors import DataError, InputError, LatentMotionError
+from latentmotion.kinematics.skeleton import interpolate
 from tests.support import damaged
 from tests.support.moving_figures import write_moving_figures
 

@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from latentmotion.data.recording import interpolate, joints_at
+from latentmotion.data.recording import joints_at
 from latentmotion.errors import DataError
+from latentmotion.kinematics.skeleton import interpolate
 from tests.support.mocap_folders import swaying
 
 

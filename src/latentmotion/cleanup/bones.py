@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.arrays import quantile
+from latentmotion.arrays import length, quantile
 from latentmotion.cleanup.leg_ik import keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.kinematics.skeleton import Skeleton
@@ -49,7 +49,7 @@ def even_bones(parts: Parts, fps: float, skeleton: Skeleton) -> Parts:
     Frames do not depend on each other while bones pull, so those of all motions pull at once.
     """
     parents = [0, *skeleton.parents[1:]]
-    spans = [np.linalg.norm(part - part[..., parents, :], axis=-1) for part in parts]
+    spans = [length(part - part[..., parents, :]) for part in parts]
     medians = [np.broadcast_to(quantile(each, 0.5), each.shape) for each in spans]
     # Joints and coordinates first, all frames of all motions last: long rows, which NumPy is quick
     # with. The root is a bone of length 0.

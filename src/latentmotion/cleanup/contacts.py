@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from latentmotion.arrays import quantile
+from latentmotion.arrays import dot, length, quantile
 from latentmotion.kinematics.skeleton import Skeleton
 
 Paths = Float[np.ndarray, "frames feet 3"]
@@ -64,7 +64,7 @@ def foot_contacts(
         standing_height = np.concatenate([standing_height, standing_height], axis=-1)
     height = feet[..., 1] - np.clip(standing_height, 0, 0.12)
     moves = velocity(feet, fps)
-    across, climb = np.linalg.norm(moves[..., ::2], axis=-1), np.abs(moves[..., 1])
+    across, climb = length(moves[..., ::2]), np.abs(moves[..., 1])
     limits = (settings.height, settings.speed, settings.climb)
     begins, lasts = (
         (height < limits[0][n]) & (across < limits[1][n]) & (climb < limits[2][n]) for n in (0, 1)
@@ -149,7 +149,7 @@ class FootStances:
         """
         eased, standing = path.copy(), path[self.at]
         offset = standing - self.mean(standing)
-        spread = np.sqrt(self.mean((offset**2).sum(axis=-1, keepdims=True)))
+        spread = np.sqrt(self.mean(dot(offset, offset)[:, None]))
         slow = [quantile(self.speed[start:end, foot], 0.25) for foot, start, end in self.phases]
         slides = ramp(np.array(slow), *rest)[self._phase, None]
         eased[self.at] = np.maximum(slides, ramp(spread, *far)) * offset
@@ -161,9 +161,9 @@ class FootStances:
         def jumps(phase: Phase) -> bool:
             foot, start, end = phase
             track = path[start:end, foot]
-            way = np.linalg.norm(track.max(axis=0) - track.min(axis=0))
+            way = length(track.max(axis=0) - track.min(axis=0))
             first = _fastest(track, pause) if way > _JUMP[0] else 0
-            jump = np.linalg.norm(track[first + pause] - track[first])
+            jump = length(track[first + pause] - track[first])
             return bool(jump > max(_JUMP[0], _JUMP[1] * way))
 
         return self._broken(path, jumps, pause)
@@ -175,7 +175,7 @@ class FootStances:
             foot, start, end = phase
             track, weight = path[start:end, foot], _confidence(self.speed[start:end, foot])
             offset = track - weight @ track / weight.sum()
-            return bool((offset**2).sum(axis=-1).max() > slip**2)
+            return bool(dot(offset, offset).max() > slip**2)
 
         return self._broken(path, slips, pause)
 
@@ -212,7 +212,7 @@ def _confidence(speed: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch
 
 def _fastest(path: Float[np.ndarray, "frames 3"], pause: int) -> int:
     """Returns where the fastest `pause` frames begin; of equally fast ones, the middle."""
-    distance = np.linalg.norm(path[pause:] - path[:-pause], axis=-1)
+    distance = length(path[pause:] - path[:-pause])
     middle = np.abs(np.linspace(-1, 1, len(distance)))
     inner = slice(pause, len(distance) - pause)
     return pause + int((distance * (1 - 0.2 * middle))[inner].argmax())
@@ -243,7 +243,7 @@ def foot_stances(
     steps = np.diff(pivots, axis=0)[np.arange(frames - 1)[:, None], np.arange(feet), carries]
     path = np.zeros((frames, feet, 3))
     np.cumsum(steps * (1, 0, 1), axis=0, out=path[1:])
-    speed = np.linalg.norm(velocity(path, fps), axis=-1)
+    speed = length(velocity(path, fps))
     # Contacts lose their fast ends, except where the motion itself begins or stops.
     most, phases, fast = round(_ENDS * fps), [], (speed > landing).T.tolist()
     for foot, start, end in contact_phases(np.asarray(standing.any(axis=-1))).tolist():

@@ -24,7 +24,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.arrays import quantile, unit
+from latentmotion.arrays import cross, dot, length, quantile, running_maximum, unit
 from latentmotion.cleanup.contacts import contact_intervals, ramp, velocity
 from latentmotion.cleanup.leg_ik import find_legs, reach
 from latentmotion.cleanup.smoothing import gaussian, upper_envelope
@@ -90,8 +90,7 @@ def align_floor(
     reach, last = min(round(settings.longest_jump * fps / 2), len(moved) - 1), len(moved) - 1
     around = np.clip(np.arange(-reach, last + reach + 1), 0, last)
     heights = moved[..., 1].min(axis=-1)
-    lowest = heights[around]
-    base = np.lib.stride_tricks.sliding_window_view(lowest, 2 * reach + 1, axis=0).min(axis=-1)
+    base = -running_maximum(-heights[around], 2 * reach + 1)
     climbed = np.logical_or.accumulate(heights < settings.step[0], axis=0)
     climbed |= (heights[0] > settings.above) & (heights[-1] < settings.step[0])
     stands_on = climbed * ramp(base, *settings.step)
@@ -127,7 +126,7 @@ def _still(
 ) -> Bool[np.ndarray, frames * batch]:
     """Returns whether the root hardly moves, for longer than at the top of a jump."""
     speed = velocity(root, fps)
-    calm = (np.linalg.norm(speed, axis=-1) < _CALM) & (np.abs(speed[..., 1]) < _LEVEL_SPEED)
+    calm = (length(speed) < _CALM) & (np.abs(speed[..., 1]) < _LEVEL_SPEED)
     return _lasting(calm, max(1, round(_HANGING * fps)))
 
 
@@ -137,12 +136,9 @@ def _lasting(
     """Returns what is true for some frames in a row at least."""
     if len(flags) < width:
         return np.zeros(flags.shape, bool)
-    windows = np.lib.stride_tricks.sliding_window_view
-    whole = windows(flags, width, axis=0).all(axis=-1)
+    whole = ~running_maximum(~flags, width)
     padding = np.zeros((width - 1, *flags.shape[1:]), bool)
-    return np.asarray(
-        windows(np.concatenate([padding, whole, padding]), width, axis=0).any(axis=-1)
-    )
+    return running_maximum(np.concatenate([padding, whole, padding]), width)
 
 
 @lru_cache(maxsize=16)
@@ -226,13 +222,13 @@ def lift_feet(
         share: How much of it is done in each frame.
     """
     legs, moved = find_legs(skeleton), joints.copy()
-    across = joints[:, legs[0].hip] - joints[:, legs[-1].hip] if legs else 0
+    across = joints[:, legs[0].hip] - joints[:, legs[-1].hip] if legs else joints[:, 0]
     for leg in legs:
         foot = [leg.ankle, *leg.below]
         below = np.maximum(0, floor - joints[:, foot, 1].min(axis=1))
         up = (share * upper_envelope(below, max(1, round(0.1 * fps))))[:, None]
         hip, knee, ankle = (joints[:, joint] for joint in (leg.hip, leg.knee, leg.ankle))
-        ahead = np.cross(across, hip - ankle)
+        ahead = cross(across, hip - ankle)
         bent, tip = reach(hip, knee, ankle, ankle + up * (0, 1, 0), ahead)
         moved[:, leg.knee] = np.where(up > 0, bent, knee)
         moved[:, foot] += np.where(up > 0, tip - ankle, 0)[:, None]
@@ -302,7 +298,7 @@ def hold_seats(
     across = moved[:, :, legs[0].hip] - moved[:, :, legs[1].hip]
     for leg in legs:
         hip, ankle = moved[:, :, leg.hip], joints[:, :, leg.ankle]
-        ahead = np.cross(across, hip - ankle)
+        ahead = cross(across, hip - ankle)
         sole = joints[:, :, list(leg.pivots), 1].min(axis=-1)
         hover = np.maximum(0, sole - _SOLE) * (1 - ramp(sole, *_RAISED))
         down = np.array([0.0, 1.0, 0.0]) * (sits * gaussian(hover, 0.1 * fps))[..., None]
@@ -321,7 +317,7 @@ def _seated(
         joints[:, :, [getattr(leg, name) for leg in legs]] for name in ("hip", "knee", "ankle")
     )
     thighs, shanks = hips - knees, knees - ankles
-    lengths = [np.linalg.norm(bone, axis=-1) for bone in (thighs, shanks)]
+    lengths = [length(bone) for bone in (thighs, shanks)]
     leg = np.maximum((lengths[0] + lengths[1]).mean(axis=-1), 1e-6)
     rise = (thighs[..., 1] / np.maximum(lengths[0], 1e-6)).max(axis=-1)
     upright = (shanks[..., 1] / np.maximum(lengths[1], 1e-6)).min(axis=-1)
@@ -329,8 +325,8 @@ def _seated(
     if "neck" in skeleton.names:
         trunk = unit(joints[:, :, skeleton.names.index("neck")] - pelvis)[..., 1]
     across = unit((hips[:, :, 0] - hips[:, :, 1]) * (1, 0, 1))
-    ahead = np.cross(across, np.array([0.0, 1.0, 0.0]))
-    feet = ((ankles.mean(axis=2) - pelvis) * ahead).sum(axis=-1) / leg
+    ahead = cross(across, np.array([0.0, 1.0, 0.0]))
+    feet = dot(ankles.mean(axis=2) - pelvis, ahead) / leg
     height = pelvis[..., 1] / leg
     climb = np.gradient(pelvis[..., 1], axis=0) * fps
     begins, lasts = (

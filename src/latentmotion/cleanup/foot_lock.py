@@ -32,7 +32,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.arrays import cross
+from latentmotion.arrays import cross, dot, length
 from latentmotion.cleanup.contacts import FootStances, Paths, Phase, foot_stances, ramp, velocity
 from latentmotion.cleanup.leg_ik import Leg, find_legs, keep_knee_direction, reach
 from latentmotion.cleanup.smoothing import upper_envelope
@@ -126,27 +126,27 @@ def _posed(
         [(leg.hip, leg.knee, leg.ankle, leg.pivots[-1]) for leg in legs]
     ).T
     hip, knee, ankle = (joints[:, :, chain] for chain in (hips, knees, ankles))
-    whole, before = _norm(knee - hip) + _norm(ankle - knee), _norm(ankle - hip)
+    whole, before = length(knee - hip) + length(ankle - knee), length(ankle - hip)
     moved, goals = joints.copy(), ankle + shifts
     # The pelvis comes down for all ankles to reach their goals.
     line = goals - hip
     longest = np.maximum(_LOWERED * whole, before)
-    height = np.sqrt(np.maximum(longest**2 - (line[..., ::2] ** 2).sum(axis=-1), 0))
+    height = np.sqrt(np.maximum(longest**2 - dot(line[..., ::2], line[..., ::2]), 0))
     need = np.clip((-line[..., 1] - height).max(axis=-1), 0, settings.lower)
     down = upper_envelope(need, max(1, round(0.15 * fps)))[..., None]
     moved[..., 1] -= down
     for joint in (hip, knee, ankle):
         joint[..., 1] -= down
     line = goals - hip
-    length = _norm(line)
+    wanted = length(line)
     # The nearer a leg is to straight, the less of the wanted length it gets: a knee that stops
     # at once where the leg is straight would snap.
     easy = np.maximum(settings.stretch[0] * whole, before)
     room = np.maximum(settings.stretch[1] * whole - easy, 0.1 * np.maximum(whole - easy, 0))
     room = room + 1e-6
-    over = np.maximum(0, length - easy)
-    stretched = np.minimum(length, easy) + room * (1 - np.exp(-over / room))
-    share = stretched / np.maximum(length, 1e-9)
+    over = np.maximum(0, wanted - easy)
+    stretched = np.minimum(wanted, easy) + room * (1 - np.exp(-over / room))
+    share = stretched / np.maximum(wanted, 1e-9)
     ahead = 0.1 * (moved[:, :, toes] - ankle)
     if len(legs) > 1:  # across from the right hip to the left
         ahead = ahead + cross(hip[:, :, :1] - hip[:, :, 1:], hip - ankle)
@@ -156,10 +156,6 @@ def _posed(
     for n, leg in enumerate(legs):  # the foot keeps its shape and slope
         moved[:, :, list(leg.below)] += carry[:, :, n, None]
     return moved
-
-
-def _norm(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
-    return np.sqrt(np.einsum("...c,...c->...", vectors, vectors))
 
 
 def drift_correction(
@@ -235,7 +231,7 @@ def foot_shifts(
     _bridge(shift, stances.phases, max(1, round(settings.blend * fps)))
     # The foot is raised so that it is not below the floor, and steps over it.
     points = np.concatenate([shift[:, :, None], pivots + shift[:, :, None]], axis=2)
-    speed = np.linalg.norm(velocity(points, fps)[..., ::2], axis=-1)
+    speed = length(velocity(points, fps)[..., ::2])
     height = np.maximum(
         settings.step * ramp(speed[..., :1], 0.2, 0.6),
         settings.clearance * ramp(speed[..., 1:], 0.4, 0.8),
@@ -278,9 +274,9 @@ def _bridge(shift: Paths, phases: Sequence[Phase], blend: int) -> None:
     count = np.maximum(np.minimum(end, last + 1) - first, 0)
     curve = np.repeat(np.arange(len(curves)), count)
     frame = np.arange(len(curve)) + (first - np.cumsum(count) + count)[curve]
-    length = np.maximum(end - start, 1)[:, None]
-    u = (frame - start[curve])[:, None] / length[curve]
-    leaving, meeting = (length * (a - before_a))[curve], (length * (after_b - b))[curve]
+    frames = np.maximum(end - start, 1)[:, None]
+    u = (frame - start[curve])[:, None] / frames[curve]
+    leaving, meeting = (frames * (a - before_a))[curve], (frames * (after_b - b))[curve]
     rise = u * (1 - u) ** 2 * leaving - u**2 * (1 - u) * meeting
     ease = u**2 * (3 - 2 * u)
     shift[frame, foot[curve]] = (1 - ease) * a[curve] + ease * b[curve] + rise

@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.arrays import cross, unit
+from latentmotion.arrays import cross, dot, length, perpendicular, unit
 from latentmotion.kinematics.skeleton import Skeleton
 
 Joints = Float[np.ndarray, "frames *batch joints 3"]
@@ -66,26 +66,22 @@ def reach(
         goal: Wanted position of the ankle.
         ahead: Direction in which knees bend.
     """
-    thigh, shank, line = _norm(knee - hip), _norm(ankle - knee), goal - hip
-    away = _norm(line)
-    axis = line / np.maximum(away, 1e-12)
+    thigh, shank, away = (length(x)[..., None] for x in (knee - hip, ankle - knee, goal - hip))
+    axis = (goal - hip) / np.maximum(away, 1e-12)
     distance = np.clip(away, np.abs(thigh - shank) + 1e-6, thigh + shank)
     along = (thigh**2 - shank**2 + distance**2) / np.maximum(2 * distance, 1e-12)
     radius = np.sqrt(np.maximum(thigh**2 - along**2, 0))
     before = unit(ankle - hip)
-    bend = (knee - hip) - before * _dot(before, knee - hip)
+    bend = perpendicular(knee - hip, before)
     # The shortest rotation from `before` to `axis`, of a vector that is perpendicular to `before`.
     middle = before + axis
-    turned = bend - middle * (_dot(axis, bend) / np.maximum(1 + _dot(before, axis), 1e-12))
-    more = np.maximum(radius - _norm(bend), 0)
-    side = turned + 2 * more * unit(ahead - axis * _dot(axis, ahead))
+    share = dot(axis, bend) / np.maximum(1 + dot(before, axis), 1e-12)
+    turned = bend - middle * share[..., None]
+    more = np.maximum(radius - length(bend)[..., None], 0)
+    side = turned + 2 * more * unit(perpendicular(ahead, axis))
     side = side + 1e-6 * cross(axis, axis[..., [2, 0, 1]] * (1, -1, 1))
-    side = unit(side - axis * _dot(axis, side))
+    side = unit(perpendicular(side, axis))
     return hip + axis * along + side * radius, hip + axis * distance
-
-
-def _dot(a: Points, b: Points) -> Float[np.ndarray, "*points 1"]:
-    return np.einsum("...c,...c->...", a, b)[..., None]
 
 
 def keep_knee_direction(moved: Joints, joints: Joints, skeleton: Skeleton) -> Joints:
@@ -104,11 +100,11 @@ def keep_knee_direction(moved: Joints, joints: Joints, skeleton: Skeleton) -> Jo
     if after.min() >= 0:
         return moved
     least = np.minimum(_bend(joints, chains)[0], 0)
-    wrong = (after < least) & (_norm(bend) > np.abs(least))
+    wrong = (after < least) & (length(bend)[..., None] > np.abs(least))
     if not wrong.any():
         return moved
     aside = bend - ahead * after
-    room = np.sqrt(np.maximum(_norm(bend) ** 2 - least**2, 0))
+    room = np.sqrt(np.maximum(length(bend)[..., None] ** 2 - least**2, 0))
     turned = ahead * least + unit(aside) * room
     corrected = moved.copy()
     corrected[..., chains[1], :] += np.where(wrong, turned - bend, 0)
@@ -122,10 +118,5 @@ def _bend(
     hips, knees, ankles = (joints[..., chain, :] for chain in chains)
     axis = unit(hips - ankles)
     ahead = unit(cross(hips[..., :1, :] - hips[..., 1:, :], axis))
-    bend = knees - hips
-    bend = bend - axis * _dot(bend, axis)
-    return _dot(bend, ahead), ahead, bend
-
-
-def _norm(vectors: Points) -> Float[np.ndarray, "*points 1"]:
-    return np.sqrt(_dot(vectors, vectors))
+    bend = perpendicular(knees - hips, axis)
+    return dot(bend, ahead)[..., None], ahead, bend

@@ -13,6 +13,7 @@ from itertools import groupby
 import numpy as np
 from jaxtyping import Bool, Float
 
+from latentmotion.arrays import length
 from latentmotion.cleanup.bones import even_bones
 from latentmotion.cleanup.contacts import Contacts, foot_contacts
 from latentmotion.cleanup.exact import exact_count, exact_turns
@@ -210,7 +211,7 @@ def _clean_alike(
 
 def _warn_of_far(before: Joints, joints: Joints, motions: Sequence[Motion]) -> None:
     """Warns of joints that had to move far for constant bones."""
-    moved = np.linalg.norm(joints - before, axis=-1)
+    moved = length(joints - before)
     for motion in np.flatnonzero(moved.max(axis=(0, 2)) > _FAR).tolist():
         distance = moved[:, motion]
         frame, joint = np.unravel_index(distance.argmax(), distance.shape)

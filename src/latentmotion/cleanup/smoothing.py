@@ -41,6 +41,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import dot, length, running_maximum
 from latentmotion.cleanup.contacts import contact_intervals, ramp, velocity
 from latentmotion.kinematics.plausibility import unfinished
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
@@ -80,7 +81,7 @@ def steadied(
         cutoff: Hertz, as for `smooth`.
     """
     shaking = joints - smooth(joints, fps, cutoff)
-    level = np.median(np.sqrt((shaking**2).sum(axis=-1)), axis=(0, 2))
+    level = np.median(length(shaking), axis=(0, 2))
     low, high = _SHAKING
     share = np.clip((level - low) / (high - low), 0, 1)
     return joints - share[:, None, None] * shaking
@@ -101,7 +102,7 @@ def sharpened(joints: Joints, fps: float) -> Joints:
         fps: Frames per second.
     """
     quick = joints - smooth(joints, fps, _SHARP_CUTOFF)
-    size = np.sqrt(gaussian((quick**2).sum(axis=-1), _QUICK_SECONDS * fps).clip(0))
+    size = np.sqrt(gaussian(dot(quick, quick), _QUICK_SECONDS * fps).clip(0))
     return joints + _SHARP_GAIN * ramp(size, *_QUICK)[..., None] * quick
 
 
@@ -140,7 +141,7 @@ def upper_envelope(
         return np.zeros(values.shape)
     last, width = len(values) - 1, 2 * reach + 1
     padded = values[np.clip(np.arange(-2 * reach, last + 2 * reach + 1), 0, last)]
-    peaks = np.lib.stride_tricks.sliding_window_view(padded, width, axis=0).max(axis=-1)
+    peaks = running_maximum(padded, width)
     weights = np.hanning(width + 2)[1:-1]
     windows = np.lib.stride_tricks.sliding_window_view(peaks, width, axis=0)
     return windows @ (weights / weights.sum())
@@ -200,7 +201,7 @@ def settled(
     first, end = _finished(joints, fps, skeleton)
     if (first, end) != (0, last):
         joints = _between(joints, np.linspace(first, end, last + 1))
-    speed = np.linalg.norm(velocity(joints, fps), axis=-1)
+    speed = length(velocity(joints, fps))
     fastest = gaussian(speed.max(axis=-1), 0.1 * fps)
     busy = np.maximum(ramp(fastest, *_SPEEDS), ramp(speed[:, 0], *_WALK))
     longer = 1 / (_IDLE + (1 - _IDLE) * busy) - 1

@@ -13,10 +13,10 @@ from latentmotion.cli import options
 from latentmotion.condition import SentenceCondition
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.recording import features_of
 from latentmotion.data.store import MANIFEST
 from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT, MOVES_FILE
+from latentmotion.motion import features_of
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.retrieval.index import ClipIndex, index_file, joined
 from latentmotion.retrieval.teach import ShownClip, build_index, shown_clips, thinned

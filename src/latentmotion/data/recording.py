@@ -16,21 +16,16 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data.clip import Split, TaggedSentence
-from latentmotion.errors import DataError, InputError
+from latentmotion.errors import DataError
 from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
-from latentmotion.kinematics.skeleton import Animation
-from latentmotion.motion import Motion
-from latentmotion.representation.interface import Representation
+from latentmotion.kinematics.skeleton import Animation, interpolate
 from latentmotion.representation.smpl import smpl_features
-from latentmotion.storage.limits import FARTHEST, MOST_FRAMES, MOST_NUMBER, UNPACKED_FACTOR
+from latentmotion.storage.limits import FARTHEST, MOST_NUMBER
 
 Item = TypeVar("Item")
 
 SMPL_JOINTS = 24
-
-# Frames at 20 a second of the shortest motion whose features say anything.
-_SHORTEST = 5
 
 
 def as_numbers(values: Any) -> np.ndarray:
@@ -218,40 +213,3 @@ def every(animation: Animation, step: int, start: int = 0) -> Animation:
         fps=animation.fps / step,
         translations=None if translations is None else translations[start::step],
     )
-
-
-def interpolate(
-    joints: Float[np.ndarray, "frames joints 3"], step: float
-) -> Float[np.ndarray, "times joints 3"]:
-    """Returns joints at every `step`-th frame, in between frames by straight lines.
-
-    Raises:
-        InputError: They would be too many.
-    """
-    if not (len(joints) - 1) / step <= max(MOST_FRAMES, UNPACKED_FACTOR * len(joints)):
-        raise InputError(f"{len(joints):,} frames at {step:g} times the rate; check the frame rate")
-    times = np.arange(0, len(joints) - 1 + 1e-6, step)
-    before = np.minimum(times.astype(int), len(joints) - 2)
-    weight = (times - before)[:, None, None].astype(joints.dtype)
-    return joints[before] * (1 - weight) + joints[before + 1] * weight
-
-
-def features_of(
-    motion: Motion, representation: Representation
-) -> Float[np.ndarray, "frames features"]:
-    """Returns a motion's features at the representation's frame rate, for a body of its size.
-
-    Raises:
-        InputError: The motion has another skeleton, or is shorter than 0.3 s.
-    """
-    if motion.skeleton.names != representation.skeleton.names:
-        raise InputError(
-            f"the motion's skeleton is {motion.skeleton.name!r}, expected "
-            f"{representation.skeleton.name!r}; convert it first: latentmotion.to_humanml3d"
-        )
-    joints = motion.joints.astype(np.float64)
-    if len(motion) > 1 and motion.fps != representation.fps:
-        joints = interpolate(joints, motion.fps / representation.fps)
-    if len(joints) < _SHORTEST:
-        raise InputError(f"a motion of {motion.seconds:.2f} s; expected 0.3 s or more")
-    return representation.encode(representation.retarget(joints))

@@ -39,6 +39,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import length
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 
 _FADING_HEIGHT = 0.025
@@ -83,7 +84,7 @@ def _steps(
 ) -> tuple[Float[np.ndarray, "steps feet"], Float[np.ndarray, "steps feet"]]:
     """Returns horizontal speed, m/s, and the greater height of both ends, of each step."""
     feet = np.asarray(joints, dtype=np.float64)[:, [*skeleton.left_foot, *skeleton.right_foot]]
-    speed = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1) * fps
+    speed = length(np.diff(feet[..., [0, 2]], axis=0)) * fps
     height = feet[..., 1] - floor
     return speed, np.maximum(height[1:], height[:-1])
 
@@ -96,7 +97,7 @@ def jitter(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> float:
         fps: Frames per second.
     """
     jerk = np.diff(np.asarray(joints, dtype=np.float64), n=3, axis=0) * fps**3
-    return float(np.linalg.norm(jerk, axis=-1).mean()) if len(jerk) else 0.0
+    return float(length(jerk).mean()) if len(jerk) else 0.0
 
 
 def penetration(joints: Float[np.ndarray, "frames joints 3"], floor: float = 0.0) -> float:
@@ -148,7 +149,7 @@ def floating(joints: Float[np.ndarray, "frames joints 3"], fps: float, floor: fl
     height = np.maximum(0, exact[..., 1].min(axis=1) - floor - _CONTACT_HEIGHT)
     if len(exact) < 2:
         return float(height.mean())
-    slow = np.linalg.norm(np.gradient(exact[:, 0], 1 / fps, axis=0), axis=-1) < _CARRIED_SPEED
+    slow = length(np.gradient(exact[:, 0], 1 / fps, axis=0)) < _CARRIED_SPEED
     weight = slow.astype(np.float64)
     weight[[0, -1]] = _END_SECONDS * fps
     return float((weight * height).sum() / len(exact))

@@ -315,3 +315,19 @@ def _between(
     track: np.ndarray, before: np.ndarray, after: np.ndarray, share: np.ndarray
 ) -> np.ndarray:
     return track[before] * (1 - share) + track[after] * share
+
+
+def interpolate(
+    joints: Float[np.ndarray, "frames joints 3"], step: float
+) -> Float[np.ndarray, "times joints 3"]:
+    """Returns joints at every `step`-th frame, in between frames by straight lines.
+
+    Raises:
+        InputError: They would be too many.
+    """
+    if not (len(joints) - 1) / step <= max(MOST_FRAMES, UNPACKED_FACTOR * len(joints)):
+        raise InputError(f"{len(joints):,} frames at {step:g} times the rate; check the frame rate")
+    times = np.arange(0, len(joints) - 1 + 1e-6, step)
+    before = np.minimum(times.astype(int), len(joints) - 2)
+    weight = (times - before)[:, None, None].astype(joints.dtype)
+    return joints[before] * (1 - weight) + joints[before + 1] * weight

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
+from latentmotion.arrays import running_maximum
 from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event
 from latentmotion.measure.signals import (
     JOINT,
@@ -240,8 +241,7 @@ def _level(low: Float[np.ndarray, " frames"]) -> Float[np.ndarray, " frames"]:
 def _most(curve: Float[np.ndarray, " frames"], reach: int) -> Float[np.ndarray, " frames"]:
     """Returns the maximum within `reach` frames on both sides."""
     ends = np.full(reach, -np.inf)
-    padded = np.concatenate([ends, curve, ends])
-    return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+    return running_maximum(np.concatenate([ends, curve, ends]), 2 * reach + 1)
 
 
 def _touching(signals: Signals, level: Float[np.ndarray, " frames"], start: int, end: int) -> str:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from latentmotion.arrays import dot, length, quantile
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.measure.facts import FPS, LEFT, RIGHT
@@ -43,10 +45,10 @@ class Signals:
         """Length of the motion."""
         return len(self.joints)
 
-    @property
+    @cached_property
     def speed(self) -> Float[np.ndarray, " frames"]:
         """Speed of the pelvis over the floor, m/s."""
-        return np.linalg.norm(self.velocity, axis=1)
+        return length(self.velocity)
 
     def of(self, name: str) -> Float[np.ndarray, "frames 3"]:
         """Returns the position of a joint in the body frame."""
@@ -67,7 +69,7 @@ def measure(joints: Float[np.ndarray, "frames joints 3"]) -> Signals:
         )
     if not np.isfinite(joints).all():
         raise InputError("joints are not all numbers (NaN or infinite); repair the motion first")
-    lowest = float(np.percentile(joints[:, [7, 8, 10, 11], 1].min(axis=1), 5))
+    lowest = float(quantile(joints[:, [7, 8, 10, 11], 1].min(axis=1), 0.05))
     if abs(lowest) < 0.3:  # zero is the floor, up to the error of a badly placed body
         floor = float(np.clip(lowest, -0.05, 0.05))
     else:
@@ -77,8 +79,8 @@ def measure(joints: Float[np.ndarray, "frames joints 3"]) -> Signals:
     c, s = np.cos(heading), np.sin(heading)
     x, y, z = np.moveaxis(joints - joints[:, :1] * np.array([1, 0, 1]), -1, 0)
     trunk = joints[:, JOINT["neck"]] - joints[:, 0]
-    trunk = trunk / (np.linalg.norm(trunk, axis=1, keepdims=True) + 1e-9)
-    forward = (trunk[:, ::2] * np.stack([s, c], axis=1)).sum(axis=1)
+    trunk = trunk / (length(trunk)[:, None] + 1e-9)
+    forward = trunk[:, 0] * s + trunk[:, 2] * c
     step = smooth(np.gradient(smooth(joints[:, 0, ::2], 1.0), axis=0) * FPS, 4.0)
     ankle, toe = joints[:, [7, 8], 1] - 0.06, joints[:, [10, 11], 1] - 0.01
     return Signals(
@@ -221,8 +223,7 @@ def bend(signals: Signals, first: str, middle: str, last: str) -> Float[np.ndarr
     """Returns the angle at the middle of three joints, degrees; 180 is stretched."""
     start, two, three = (signals.joints[:, JOINT[name]] for name in (first, middle, last))
     a, b = start - two, three - two
-    length = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1) + 1e-9
-    return np.degrees(np.arccos(np.clip((a * b).sum(axis=1) / length, -1, 1)))
+    return np.degrees(np.arccos(np.clip(dot(a, b) / (length(a) * length(b) + 1e-9), -1, 1)))
 
 
 def twist_of(signals: Signals) -> tuple[float, float]:
@@ -235,14 +236,14 @@ def twist_of(signals: Signals) -> tuple[float, float]:
 def activity_of(signals: Signals) -> float:
     """Returns the mean speed of hands, feet and head, m/s."""
     ends = signals.joints[:, [10, 11, 15, 20, 21]]
-    return float(np.linalg.norm(np.gradient(ends, axis=0), axis=-1).mean() * FPS)
+    return float(length(np.gradient(ends, axis=0)).mean() * FPS)
 
 
 def _heading(joints: Float[np.ndarray, "frames 22 3"]) -> Float[np.ndarray, " frames"]:
     """Heading of the line between the hips; where that line is steep, it is interpolated."""
     across = joints[:, JOINT["right_hip"]] - joints[:, JOINT["left_hip"]]
     flat = np.hypot(across[:, 0], across[:, 2])
-    level = flat > 0.7 * np.linalg.norm(across, axis=1)
+    level = flat > 0.7 * length(across)
     heading = np.arctan2(across[:, 2], -across[:, 0])
     if not level.any():
         return np.unwrap(heading)

@@ -18,11 +18,10 @@ from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.condition import TextEncoder
-from latentmotion.data.recording import features_of
 from latentmotion.engine.session import LazySession
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import SHIPPED, Provenance, shipped_text_encoder
-from latentmotion.motion import Motion
+from latentmotion.motion import Motion, features_of
 from latentmotion.representation import representation_named
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 from latentmotion.representation.interface import Representation

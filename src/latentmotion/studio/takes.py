@@ -17,12 +17,12 @@ from fastapi.responses import Response, StreamingResponse
 from pydantic import Field
 
 from latentmotion.data.clip import Caption, Source
-from latentmotion.data.recording import features_of
 from latentmotion.errors import InputError
 from latentmotion.formats import npz
 from latentmotion.formats.content import MEDIA_TYPES, encoded
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.card import MOVES_FILE
+from latentmotion.motion import features_of
 from latentmotion.pipeline import MotionPipeline, RawMotion
 from latentmotion.ranking import best as ranking
 from latentmotion.ranking.best import Take

@@ -187,7 +187,8 @@ class StudentTextEncoder(GraphTextEncoder):
         Raises:
             InputError: There is no sentence.
         """
-        warn_of_unknown(word for text in sentences for word in self.unknown_words(text))
+        distinct = dict.fromkeys(sentences)  # several takes of one sentence ask for it again
+        warn_of_unknown(word for text in distinct for word in self.unknown_words(text))
         return super().__call__(sentences)
 
     def unknown_words(self, sentence: str) -> list[str]:

@@ -58,15 +58,18 @@ class LengthModel:
     ) -> Float[np.ndarray, "sentences quantiles"]:
         """Returns the lengths in seconds at `QUANTILES`, in rising order.
 
-        One sentence at a time, so that a length does not depend on the batch.
+        One sentence at a time, so that a length does not depend on the batch; takes of one
+        sentence are computed once.
         """
         *hidden, last = zip(self.weights, self.biases, strict=True)
-        lengths = []
+        lengths: dict[bytes, np.ndarray] = {}
         for row in pooled:
-            for weight, bias in hidden:
-                row = np.maximum(weight @ row + bias, 0)
-            lengths.append(np.sort(last[0] @ row + last[1]))
-        return np.stack(lengths)
+            key, states = row.tobytes(), row
+            if key not in lengths:
+                for weight, bias in hidden:
+                    states = np.maximum(weight @ states + bias, 0)
+                lengths[key] = np.sort(last[0] @ states + last[1])
+        return np.stack([lengths[row.tobytes()] for row in pooled])
 
     def usual(
         self, pooled: Float[np.ndarray, "sentences width"], quantiles: Sequence[float] = ()

@@ -17,10 +17,9 @@ from jaxtyping import Float
 
 from latentmotion.cleanup import CleanUp
 from latentmotion.data.instructions import Instruction
-from latentmotion.data.recording import interpolate
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.errors import DataError, FileFormatError, InputError, ModelError
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, interpolate
 from latentmotion.measure.facts import FPS
 from latentmotion.model.config import Sampling
 from latentmotion.pipeline import MotionPipeline
