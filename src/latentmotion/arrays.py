@@ -46,7 +46,7 @@ def dot(
     a: Float[np.ndarray, "*#batch width"], b: Float[np.ndarray, "*#batch width"]
 ) -> Float[np.ndarray, "*batch"]:
     """Returns the dot products of vectors, in a third of the time of `numpy.sum`."""
-    return np.einsum("...n,...n->...", a, b)
+    return np.asarray(np.einsum("...n,...n->...", a, b))
 
 
 def perpendicular(
@@ -58,7 +58,7 @@ def perpendicular(
 
 def length(vectors: Float[np.ndarray, "*batch width"]) -> Float[np.ndarray, "*batch"]:
     """Returns the lengths of vectors, in a third of the time of `numpy.linalg.norm`."""
-    return np.sqrt(dot(vectors, vectors))
+    return np.asarray(np.sqrt(dot(vectors, vectors)))
 
 
 def unit(vectors: Float[np.ndarray, "*batch width"]) -> Float[np.ndarray, "*batch width"]:

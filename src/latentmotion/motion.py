@@ -71,13 +71,13 @@ class Motion:
                 f"a motion of skeleton {self.skeleton.name!r} needs joints of shape "
                 f"(frames ≥ 1, {expected[0]}, 3), found {joints.shape}"
             )
-        finite = np.isfinite(joints).all(axis=(1, 2))
-        if not finite.all():
-            raise InputError(
-                f"{int((~finite).sum())} of {len(joints)} frames hold NaN or infinite positions, "
-                f"first in frame {int(np.argmin(finite))}; cut or repair them"
-            )
-        if np.abs(joints).max() > FARTHEST:
+        if not np.abs(joints).max() <= FARTHEST:  # nor is NaN
+            finite = np.isfinite(joints).all(axis=(1, 2))
+            if not finite.all():
+                raise InputError(
+                    f"{int((~finite).sum())} of {len(joints)} frames hold NaN or infinite "
+                    f"positions, first in frame {int(np.argmin(finite))}; cut or repair them"
+                )
             raise InputError(f"joints are beyond {FARTHEST:,.0f} m; check the unit of length")
         if not LEAST_FPS <= self.fps <= MOST_FPS:
             expected = f"expected a positive number, {LEAST_FPS:g} to {MOST_FPS:,.0f}"

@@ -750,6 +750,7 @@ class MotionPipeline(PickledByFields):
         Raises:
             InputError: A prompt is not of the model's kind or a number is out of range.
         """
+        request.check(self.card, self.representation.fps)
         return self._in_batches(request, self.generate_batch)
 
     def generate_batch(
@@ -846,7 +847,6 @@ class MotionPipeline(PickledByFields):
         self, request: GenerationRequest, function: Callable[[GenerationRequest], Any]
     ) -> list[np.ndarray]:
         """Returns what a function makes of a request's batches, for each motion without padding."""
-        request.check(self.card, self.representation.fps)
         batches = request.batches(self.max_batch_size, self.card.masks_padding)
         outputs = (function(request.take(rows)) for rows in counted(batches, "generating batches"))
         return requests.unpadded(map(self.backend.to_host, outputs), batches, request.frames)

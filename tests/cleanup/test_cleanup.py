@@ -12,7 +12,7 @@ import pytest
 
 from latentmotion.cleanup import CleanUp, CleanUpWarning, clean
 from latentmotion.cleanup.bones import constant_bones
-from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
+from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.cleanup.floor import Floor, align_floor, land_walkers, lift_feet, lift_hands
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction, reach
@@ -22,6 +22,7 @@ from latentmotion.cli.main import main
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
+from latentmotion.measure.signals import spans
 from latentmotion.motion import Motion
 
 NAMES = HUMANML3D.names
@@ -142,8 +143,8 @@ def test_contacts_have_hysteresis_and_forget_blinks():
 
 
 def test_spans():
-    assert list(contact_intervals(np.array([True, False, True, True]))) == [(0, 1), (2, 4)]
-    assert list(contact_intervals(np.zeros(3, dtype=bool))) == []
+    assert list(spans(np.array([True, False, True, True]))) == [(0, 1), (2, 4)]
+    assert list(spans(np.zeros(3, dtype=bool))) == []
 
 
 def test_two_bones_reach_their_goal_and_keep_their_lengths():

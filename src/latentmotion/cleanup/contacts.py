@@ -10,7 +10,7 @@ heel. A stance phase begins when the foot has come to rest and ends before it ta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,7 +22,6 @@ from latentmotion.arrays import dot, length, quantile
 from latentmotion.kinematics.skeleton import Skeleton
 
 Paths = Float[np.ndarray, "frames feet 3"]
-Interval = tuple[int, int]  # First frame of a contact, and the frame after its last.
 
 # A foot, the first frame of a stance phase of it, and the frame after its last.
 Phase = tuple[int, int, int]
@@ -102,12 +101,6 @@ def contact_phases(standing: Bool[np.ndarray, "frames feet"]) -> Int[np.ndarray,
     foot, start = np.divmod(np.flatnonzero(line[1:] > line[:-1]), frames + 2)
     end = np.flatnonzero(line[1:] < line[:-1]) - foot * (frames + 2)
     return np.stack([foot, start, end], axis=1)
-
-
-def contact_intervals(standing: Bool[np.ndarray, " frames"]) -> Iterator[Interval]:
-    """Yields the first frame and the frame after the last of every contact of one joint."""
-    for _, start, end in contact_phases(standing[:, None]).tolist():
-        yield start, end
 
 
 @dataclass(frozen=True, eq=False)

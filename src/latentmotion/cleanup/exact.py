@@ -201,7 +201,7 @@ def exact_turns(
     """
     before: list[float | None] = [None] * len(turns)
     hips = [skeleton.names.index(n) for n in ("right_hip", "left_hip") if n in skeleton.names]
-    if len(hips) < 2 or len(joints) < 3 or not any(turns):
+    if len(hips) < 2 or len(joints) < 3:
         return joints, before
     joints = joints.copy()
     for number, wish in enumerate(turns):

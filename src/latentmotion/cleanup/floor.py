@@ -25,10 +25,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.arrays import cross, dot, length, quantile, running_maximum, unit
-from latentmotion.cleanup.contacts import contact_intervals, ramp, velocity
+from latentmotion.cleanup.contacts import ramp, velocity
 from latentmotion.cleanup.leg_ik import find_legs, reach
-from latentmotion.cleanup.smoothing import gaussian, upper_envelope
+from latentmotion.cleanup.smoothing import gaussian, quintic, upper_envelope
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.measure.signals import spans
 
 _ARM = ("shoulder", "elbow", "wrist")
 
@@ -194,7 +195,7 @@ def land_walkers(
     upright = pelvis > settings.lying[1]
     aloft = (joints[:, feet, 1].min(axis=1) == lowest) & (lowest > _LOW_FOOT) & upright
     hovers = np.zeros(len(joints))
-    for start, end in contact_intervals(aloft):
+    for start, end in spans(aloft):
         first, last = max(start - 1, 0), min(end, len(joints) - 1)
         line = np.linspace(pelvis[first], pelvis[last], last - first + 1)
         fall = _GRAVITY * ((last - first) / fps) ** 2 / 8
@@ -279,7 +280,7 @@ def hold_seats(
     shift, frames = np.zeros(height.shape), np.arange(len(joints), dtype=float)
     sits = np.zeros(height.shape)
     for motion in range(joints.shape[1]):
-        for first, end in contact_intervals(lasts[:, motion]):
+        for first, end in spans(lasts[:, motion]):
             start = first + int(begins[first:end, motion].argmax())
             if begins[first:end, motion].sum() < _SHORTEST * fps:
                 continue
@@ -287,8 +288,7 @@ def hold_seats(
             gap = np.median(settled) - height[:, motion]
             gap = np.where(frames < start, gap[start], np.where(frames >= end, gap[end - 1], gap))
             away = np.maximum(start - frames, frames - (end - 1)) / (_BLEND * fps)
-            u = np.clip(1 - np.maximum(away, 0), 0, 1)
-            ease = u**3 * (10 - 15 * u + 6 * u**2)
+            ease = quintic(np.clip(1 - np.maximum(away, 0), 0, 1))
             shift[:, motion] += gap * ease
             sits[:, motion] = np.maximum(sits[:, motion], ease)
     up, moved = np.array([0.0, 1.0, 0.0]) * shift[..., None], joints.copy()

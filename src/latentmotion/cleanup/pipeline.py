@@ -189,7 +189,9 @@ def _clean_alike(
         for numbers in groups:
             joints = np.stack([motions[n].joints for n in numbers], axis=1).astype(np.float64)
             turns = [corrections[n].turn if steps.exact_turn else None for n in numbers]
-            joints, before = exact_turns(joints, fps, skeleton, turns)
+            before: list[float | None] = [None] * len(numbers)
+            if any(turns):
+                joints, before = exact_turns(joints, fps, skeleton, turns)
             if steps.smooth:
                 joints = keep_knee_direction(steadied(joints, fps, steps.cutoff), joints, skeleton)
             parts.append(joints)

@@ -42,9 +42,10 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import dot, length, running_maximum
-from latentmotion.cleanup.contacts import contact_intervals, ramp, velocity
+from latentmotion.cleanup.contacts import ramp, velocity
 from latentmotion.kinematics.plausibility import unfinished
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
+from latentmotion.measure.signals import spans
 
 Joints = Float[np.ndarray, "frames joints 3"]
 
@@ -205,7 +206,7 @@ def settled(
     fastest = gaussian(speed.max(axis=-1), 0.1 * fps)
     busy = np.maximum(ramp(fastest, *_SPEEDS), ramp(speed[:, 0], *_WALK))
     longer = 1 / (_IDLE + (1 - _IDLE) * busy) - 1
-    for start, end in contact_intervals(longer > 1):
+    for start, end in spans(longer > 1):
         travels = start == 0 and np.ptp(joints[:, 0, ::2], axis=0).max() > _FAR
         most = _LONGEST_REST[0 if travels else 1] * fps
         longer[start:end] *= min(1.0, most / longer[start:end].sum())

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.arrays import unit
-from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
+from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.cleanup.floor import find_arms
 from latentmotion.cleanup.leg_ik import Leg, find_legs
 from latentmotion.cleanup.leg_ik import reach as bend
@@ -25,6 +25,7 @@ from latentmotion.cleanup.smoothing import quintic, rate_left, spread
 from latentmotion.control.goals import Targets, hand_points, heading_gaps, with_hands
 from latentmotion.kinematics.rotations import quaternion_from_axis_angle, quaternion_rotate
 from latentmotion.kinematics.skeleton import Skeleton, joints_of_bones
+from latentmotion.measure.signals import spans
 from latentmotion.representation.canonical import turn
 
 Joints = Float[np.ndarray, "frames joints 3"]
@@ -94,7 +95,7 @@ def held_in_contacts(
     """
     filled, others = dict(offsets), list[tuple[int, int]]()
     step = max(1, int(blend))  # offsets that are farther apart go to zero in between
-    for start, end in contact_intervals(standing):
+    for start, end in spans(standing):
         goals = sorted(frame for frame in offsets if start <= frame < end)
         if not goals:
             others.append((start, end))

@@ -22,13 +22,14 @@ from typing import Any
 
 import numpy as np
 
-from latentmotion.cleanup.contacts import contact_intervals, foot_contacts
+from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.cleanup.loops import is_loop, unrolled
 from latentmotion.errors import FileFormatError
 from latentmotion.formats import numbered
 from latentmotion.formats.checks import checked_rate, numbers, read_lines, whole_rate
 from latentmotion.formats.takes import OURS
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.measure.signals import spans
 from latentmotion.motion import Motion
 from latentmotion.storage.files import write_file
 from latentmotion.storage.reading import blamed_on, csv_rows
@@ -127,7 +128,7 @@ def contact_events(motion: Motion) -> list[dict[str, Any]]:
     half = len(whole.skeleton.left_foot)
     events: list[dict[str, Any]] = []
     for side, feet in (("left", standing[:, :half]), ("right", standing[:, half:])):
-        for start, end in contact_intervals(np.asarray(feet.any(axis=1))):
+        for start, end in spans(np.asarray(feet.any(axis=1))):
             for frame, kind in ((start, "down"), (end, "up")):
                 if first <= frame < first + count and frame > 0:
                     time = round((frame - first) / motion.fps, 4)

@@ -12,6 +12,7 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -170,13 +171,20 @@ def read_card(folder: Path) -> ModelCard:
     path = folder / CARD_FILE
     if not path.is_file():
         raise ModelError(f"{folder} is not a model folder: it has no {CARD_FILE}")
+    status = path.stat()
+    return _card_at(path, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=16)
+def _card_at(path: Path, *version: int) -> ModelCard:
+    # To open one model, those of its neighbors are looked at several times, at 3 ms each.
     try:
         data = read_plain(path)
     except InputError as error:
         raise ModelError(str(error)) from error
-    version = data.get("format") if isinstance(data, Mapping) else FORMAT
-    if version != FORMAT:
-        raise ModelError(f"{path}: format {version}, expected {FORMAT}; update latentmotion")
+    written = data.get("format") if isinstance(data, Mapping) else FORMAT
+    if written != FORMAT:
+        raise ModelError(f"{path}: format {written}, expected {FORMAT}; update latentmotion")
     try:
         card = from_json(ModelCard, data)
         check_card(card)

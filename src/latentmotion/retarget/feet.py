@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.arrays import unit
-from latentmotion.cleanup.contacts import contact_intervals, ramp
+from latentmotion.cleanup.contacts import ramp
 from latentmotion.cleanup.leg_ik import reach
 from latentmotion.cleanup.smoothing import upper_envelope
 from latentmotion.kinematics.bone_names import SIDES
@@ -29,6 +29,7 @@ from latentmotion.kinematics.rotations import (
     matrix_from_axis_angle,
     quaternion_from_matrix,
 )
+from latentmotion.measure.signals import spans
 from latentmotion.retarget.flesh import Flesh, flesh_of
 from latentmotion.retarget.rig import Rig, RigPose, Rotations, SourceCharacter
 
@@ -204,7 +205,7 @@ def _heading(rotations: Rotations, standing: Bool[np.ndarray, " frames"]) -> Rot
     quaternion = quaternion_from_matrix(rotations)
     angle = np.unwrap(2 * np.arctan2(quaternion[:, 2], quaternion[:, 0]))
     held, fixed = angle.copy(), np.zeros(0, int)
-    for start, end in contact_intervals(standing):
+    for start, end in spans(standing):
         if np.ptp(angle[start:end]) < _MOST_HELD:
             held[start:end] = angle[start:end].mean()
             fixed = np.append(fixed, np.arange(start, end))
