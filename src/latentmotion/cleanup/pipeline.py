@@ -189,13 +189,13 @@ def _clean_alike(
         for numbers in groups:
             joints = np.stack([motions[n].joints for n in numbers], axis=1).astype(np.float64)
             turns = [corrections[n].turn if steps.exact_turn else None for n in numbers]
-            before: list[float | None] = [None] * len(numbers)
+            turned_before: list[float | None] = [None] * len(numbers)
             if any(turns):
-                joints, before = exact_turns(joints, fps, skeleton, turns)
+                joints, turned_before = exact_turns(joints, fps, skeleton, turns)
             if steps.smooth:
                 joints = keep_knee_direction(steadied(joints, fps, steps.cutoff), joints, skeleton)
             parts.append(joints)
-            degrees.append(before)
+            degrees.append(turned_before)
         even = even_bones(parts, fps, skeleton) if steps.bones else parts
         every = zip(groups, parts, even, degrees, strict=True)
         for numbers, before, joints, turned in counted(list(every), "cleaning up"):
@@ -305,8 +305,11 @@ class Changes:
         count = min(len(before), len(after))
         moved = after.joints[:count] - before.joints[:count]
         lifted = float(np.median(moved[..., 1]))
-        moved = np.linalg.norm(moved - np.array([0, lifted, 0]), axis=-1)
-        old, new = (_path_length(motion.joints[:count], motion.fps) for motion in (before, after))
+        moved = length(moved - np.array([0, lifted, 0]))
+        # Along the floor, in steps of a quarter of a second.
+        step = max(1, round(before.fps / 4))
+        paths = (motion.joints[:count:step, 0, ::2] for motion in (before, after))
+        old, new = (float(length(np.diff(path, axis=0)).sum()) for path in paths)
         return cls(
             lifted,
             float(moved.mean()),
@@ -345,12 +348,6 @@ _LIFTED = 0.005
 
 # Meters of a path whose change of length says nothing.
 _SHORT = 0.5
-
-
-def _path_length(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> float:
-    """Returns the length of the root's path along the floor, in steps of a quarter of a second."""
-    path = joints[:: max(1, round(fps / 4)), 0, ::2]
-    return float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum())
 
 
 def _sliding(motion: Motion) -> float:

@@ -684,7 +684,12 @@ class Observation:
         value = np.where(far < _HUBER, 0.5 * far**2, _HUBER * (far - 0.5 * _HUBER))
         gradient = -(self.weights * robust(far))[..., None] * off / noise
         if self.depth is not None:
-            gradient = self._through_camera(gradient, self._keypoints(placed))
+            points = self._keypoints(placed)
+            depth = np.maximum(points[..., 2:], _NEAREST)
+            flat = -gradient * self.depth[:, None, None] / depth
+            ahead = -(flat * points[..., :2]).sum(axis=-1, keepdims=True) / depth
+            ahead = np.where(points[..., 2:] > _NEAREST, ahead, 0)
+            gradient = np.concatenate([flat, ahead], axis=-1)
         pull = np.einsum("okc,kj->ojc", gradient, self.joints)
         pull = np.tensordot(self.times, pull, (0, 0))
         around = tilted[..., 1] * pull[..., 2] - tilted[..., 2] * pull[..., 1]
@@ -699,17 +704,6 @@ class Observation:
         self, placed: Float[np.ndarray, "frames joints 3"]
     ) -> Float[np.ndarray, "observed keypoints 3"]:
         return np.einsum("kj,ojc->okc", self.joints, np.tensordot(self.times, placed, 1))
-
-    def _through_camera(
-        self,
-        gradient: Float[np.ndarray, "observed keypoints 2"],
-        points: Float[np.ndarray, "observed keypoints 3"],
-    ) -> Float[np.ndarray, "observed keypoints 3"]:
-        assert self.depth is not None
-        z = np.maximum(points[..., 2:], _NEAREST)
-        flat = -gradient * self.depth[:, None, None] / z
-        ahead = -(flat * points[..., :2]).sum(axis=-1, keepdims=True) / z
-        return np.concatenate([flat, np.where(points[..., 2:] > _NEAREST, ahead, 0)], axis=-1)
 
 
 def robust(far: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:

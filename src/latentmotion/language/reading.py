@@ -324,9 +324,13 @@ def asked_exactly(prompt: str, any_length: bool) -> Corrections:
     if len(turns) == 1 and turns[0].degrees not in (0, SLIGHT):
         turn = Turn(turns[0].degrees * max(turns[0].count, 1), turns[0].side)
     counts = [claim for claim in claims if claim.count and claim not in turns]
-    if not any_length or len(counts) != 1 or _is_vague(prompt):
+    if not any_length or len(counts) != 1:
         return Corrections(turn)
-    return Corrections(turn, _count(counts[0], claims, prompt))
+    # "About three" and "2-3" are not exact, "two people" are no repetitions.
+    words = [token.text for token in tokens_of(prompt)]
+    bounds = {tuple(bound.split()) for bound in listed("bounds")}
+    vague = set(words) & listed("vague") or set(pairwise(words)) & bounds or "-" in words
+    return Corrections(turn, None if vague else _count(counts[0], claims, prompt))
 
 
 def stays_on_floor(prompt: str) -> bool:
@@ -351,14 +355,6 @@ def usual_range(prompt: str) -> tuple[float, float] | None:
             least, most = row["range"]
             return least, most
     return None
-
-
-def _is_vague(prompt: str) -> bool:
-    """Whether a count is not exact, or not of repetitions: "about three", "2-3", "two people"."""
-    words = [token.text for token in tokens_of(prompt)]
-    pairs = set(pairwise(words))
-    bounds = {tuple(bound.split()) for bound in listed("bounds")}
-    return bool(set(words) & listed("vague") or pairs & bounds or "-" in words)
 
 
 def _count(counted: Claim, claims: tuple[Claim, ...], prompt: str) -> Count | None:

@@ -110,7 +110,9 @@ def clauses_of(sentence: str, is_known: Callable[[str], bool]) -> list[str]:
             followed = token.text == "followed" and at + 1 < len(tokens)
             if at > first and (followed or token.text in (",", "and")):
                 ahead = range(at + 1, min(at + _MOST_LEADS, len(tokens)))
-                verb = next((n for n in ahead if not _leads(tokens[n])), at)
+                leads = listed("leads") | set(STOPS)
+                texts = ((n, tokens[n].text) for n in ahead)
+                verb = next((n for n, w in texts if w not in leads and not w.endswith("ly")), at)
                 more = verb + 1 < len(tokens) and tokens[verb + 1].text not in STOPS
                 same = _verb_forms(tokens[verb].text, is_known, more) & before
                 if "and" not in {other.text for other in tokens[at:verb]}:
@@ -141,11 +143,6 @@ def at_once(sentence: str) -> list[tuple[str, str]]:
         elif waving:
             pairs.append((before, sentence[token.start :]))
     return [pair for pair in pairs if all(map(content_words, pair))]
-
-
-def _leads(token: Token) -> bool:
-    """Whether a word or mark stands before the verb of a clause that is joined to another."""
-    return token.text in listed("leads") | set(STOPS) or token.text.endswith("ly")
 
 
 def _verb_forms(word: str, is_known: Callable[[str], bool], more: bool = False) -> frozenset[str]:

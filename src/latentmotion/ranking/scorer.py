@@ -127,7 +127,7 @@ class Scorer:
         Raises:
             InputError: A motion has another skeleton, or is shorter than 0.3 s.
         """
-        return self.embed([self.features_of(motion) for motion in motions])
+        return self.embed([features_of(motion, self.representation) for motion in motions])
 
     def embed(
         self, features: Sequence[Float[np.ndarray, "_ features"]]
@@ -157,14 +157,6 @@ class Scorer:
         if not np.isfinite(vectors).all():
             raise ModelError(f"{self.folder}: the scorer's weights are damaged; copy it again")
         return vectors
-
-    def features_of(self, motion: Motion) -> Float[np.ndarray, "frames features"]:
-        """Returns a motion's features at the scorer's frame rate, for a body of its size.
-
-        Raises:
-            InputError: The motion has another skeleton, or is shorter than 0.3 s.
-        """
-        return features_of(motion, self.representation)
 
 
 @cache

@@ -35,7 +35,7 @@ from latentmotion.errors import (
     MissingProgramError,
     ModelError,
 )
-from latentmotion.motion import Motion
+from latentmotion.motion import Motion, features_of
 from latentmotion.progress import counted
 from latentmotion.ranking.scorer import CLIPS_FILE, UNIT, Scorer
 from latentmotion.storage.files import atomic_file
@@ -215,7 +215,7 @@ def _indexed(path: Path, size: int, changed: int, scorer: Scorer) -> IndexedFile
         for take, motion in enumerate(formats.load(path)):
             if motion.seconds * fps <= UNIT + 1:
                 continue
-            features = scorer.features_of(motion)
+            features = features_of(motion, scorer.representation)
             for start, end in windows_of(len(features)):
                 spans.append((take, start / fps, end / fps))
                 parts.append(features[start:end])
@@ -383,7 +383,7 @@ def nearest_clips(
     Raises:
         InputError: The motion has another skeleton or is too short, or `count` is below 1.
     """
-    features = scorer.features_of(motion)
+    features = features_of(motion, scorer.representation)
     sides = scorer.embed([features, scorer.representation.mirror(features)])
     neighbors = [
         (cosine, mirrored, clip)

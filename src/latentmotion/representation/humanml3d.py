@@ -42,7 +42,7 @@ class HumanML3DRepresentation(Representation):
     # Whether rotations are computed; else they are 0, for networks that do not read them.
     rotated: bool = True
 
-    @property
+    @cached_property
     def blocks(self) -> Mapping[str, slice]:
         """The range of each block of features, by name."""
         joints = len(self.skeleton)
