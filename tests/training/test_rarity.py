@@ -1,12 +1,19 @@
 """Draws by rarity: weights by support, the share of composed sequences, and draws that follow."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from latentmotion.data.clip import Clip
-from latentmotion.data.dataset import Cropping, Item, plan_epoch
+from latentmotion.data.dataset import Cropping, Dataset, Item, plan_epoch
 from latentmotion.data.store import COMPOSED
-from latentmotion.training.experiment import RarityDraws
+from latentmotion.model.config import FewStepConfig
+from latentmotion.networks.checkpoint import load_model
+from latentmotion.training.distillation.data import TrajectoryRegression, prepare_distillation
+from latentmotion.training.experiment import RarityDraws, with_changes
+from latentmotion.training.stages import train_denoiser
+from tests.support.small_training import CONTEXT, LetterCount, short_distillation, small
 
 DIRECTIONS = {"walk": [1.0, 0, 0], "sweep": [0, 1.0, 0], "both": [0.6, 0.6, 0.5]}
 
@@ -60,3 +67,18 @@ def test_captions_of_an_item_are_drawn_by_their_weights():
     generator = np.random.default_rng(0)
     drawn = [item.draw_caption(generator) for _ in range(2000)]
     assert drawn.count("sweep") / 2000 == pytest.approx(0.75, abs=0.04) and item.weight == 3.0
+
+
+def test_a_teacher_is_asked_captions_by_their_weights(
+    figures: Path, vae_run: Path, tmp_path: Path
+) -> None:
+    encoder, dataset = LetterCount(), Dataset.load(figures)
+    model = load_model(train_denoiser(small(), figures, vae_run, encoder, tmp_path, CONTEXT))
+    plain = short_distillation(FewStepConfig(), TrajectoryRegression(64))
+    rare = with_changes(plain, ["draws.power=0.6"])
+    before, after = (
+        prepare_distillation(settings, dataset, model, encoder, tmp_path, CONTEXT).items
+        for settings in (plain, rare)
+    )
+    assert {item.weights for item in before} == {()}
+    assert list(after) == rare.draws.weigh(before, lambda texts: encoder(texts).pooled)

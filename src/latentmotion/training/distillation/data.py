@@ -40,7 +40,7 @@ from latentmotion.training.distillation.trajectories import (
 )
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.drawn_instructions import drawn_instructions
-from latentmotion.training.experiment import TrainingSettings
+from latentmotion.training.experiment import RarityDraws, TrainingSettings
 from latentmotion.training.stages import captions_of
 from latentmotion.training.takes import drawn_frames, judged
 from latentmotion.training.task_conditions import ConditionTable, items_to_learn, required_encoder
@@ -82,6 +82,7 @@ class Distillation:
     cropping: Cropping = field(default_factory=lambda: Cropping(max_frames=196, min_frames=12))
     huber_delta: float = 1.0  # Error at which the loss changes from quadratic to linear (Huber).
     mirrored: bool = True  # Whether prompts of mirrored clips are used too.
+    draws: RarityDraws = field(default_factory=RarityDraws)  # How often rare sentences are asked.
     # Optimization of the student; the teacher runs in the same precision.
     training: TrainingSettings = field(
         default_factory=lambda: TrainingSettings(
@@ -232,6 +233,8 @@ def prepare_distillation(
             f"no training clip of {dataset.folder} has a caption or label that model "
             f"{card.name!r} knows; use the data that it was trained on"
         )
+    if encoder is not None:
+        items = settings.draws.weigh(items, lambda texts: encoder(texts).pooled)
     held_out = keep_crops(unseen, settings.cropping, 1, training.seed).every()
     condition = card.prompt_condition(partial(required_encoder, encoder))
     drawn = drawn_crops(settings, items[0].clip, encoder, lengths)
