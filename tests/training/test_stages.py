@@ -13,7 +13,9 @@ import pytest
 import torch
 
 from latentmotion.cli.main import main
+from latentmotion.condition import Conditioning
 from latentmotion.data.store import read_manifest
+from latentmotion.diffusion.samplers import DDIM
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import find_model
 from latentmotion.networks import device
@@ -82,9 +84,11 @@ def test_training_starts_from_another_denoiser_on_the_same_latents(
 
 def test_samples_are_decoded_where_their_latents_are(vae_run: Path) -> None:
     model = load_stages(vae_run / "model")
-    previews, latents = Previews(model.vae, model.card, 8), torch.zeros(1, 2, 4, device="meta")
+    previews, sampler = Previews(model.vae, model.card, 8), DDIM(model.card.schedule)
+    mask = torch.ones(1, 1, dtype=torch.bool, device="meta")
+    condition = Conditioning(torch.zeros(1, 1, 6, device="meta"), mask)
     with pytest.raises(NotImplementedError, match="out of meta tensor"):  # the way back to the host
-        previews.decode(latents, [""])
+        previews.sample(lambda z, *_: (z, z), sampler, 1, condition, [""])
     assert {parameter.device.type for parameter in model.vae.parameters()} == {"meta"}
 
 

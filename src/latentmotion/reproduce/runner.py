@@ -32,7 +32,7 @@ from latentmotion.evaluation.protocol import Protocol
 from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report
 from latentmotion.model.card import read_card
 from latentmotion.networks.backend import torch_pipeline, torch_prior
-from latentmotion.networks.checkpoint import WEIGHTS_FILE, build, load_stages
+from latentmotion.networks.checkpoint import WEIGHTS_FILE, load_stages
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
 from latentmotion.reproduce.markdown import RowResult, TableResult, markdown
@@ -41,9 +41,9 @@ from latentmotion.reproduce.table import Row, Table
 from latentmotion.reproduce.workspace import Workspace, training_cost, vae_cost
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import atomic_file, sha256
-from latentmotion.training.denoiser import frames_card
 from latentmotion.training.loop import read_progress
 from latentmotion.training.run_folder import Run, read_run
+from latentmotion.training.stages import frames_as_first_stage
 
 SLOW = 1000  # Sampling steps from which a row has fewer replications.
 
@@ -317,8 +317,8 @@ class TableRunner:
         model = self.work.models[next(row.model for row in self.table.rows if row.model)]
         experiment = self.work.budget.shrink(model.experiment())
         latents = replace(experiment.latents, normalized=False)
-        config, card = frames_card(replace(experiment, latents=latents), self.work.dataset)
-        return Reconstructed(build(config), card)
+        first = frames_as_first_stage(replace(experiment, latents=latents), self.work.dataset)
+        return Reconstructed(first.vae, first.card)
 
     def _candidate(self, row: Row, folder: Path | None) -> Candidate:
         if folder is None:

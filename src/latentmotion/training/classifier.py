@@ -203,7 +203,16 @@ def train_classifier(
     if context.is_main:
         if best.exists():  # the weights that did best on the val split, where there is one
             network.load_state_dict(load_file(best))
-        description = _describe(experiment, dataset, labels, normalizer)
+        sources = "; ".join(f"{source.name}: {source.credit}" for source in dataset.sources)
+        description = ActionClassifier(
+            labels=labels,
+            representation=dataset.representation.name,
+            network=experiment.network,
+            mean=tuple(normalizer.mean.tolist()),
+            std=tuple(normalizer.std.tolist()),
+            origin=f"{command_line()} (data {dataset.fingerprint[:12]}; {sources})",
+            license="; ".join(dict.fromkeys(source.license for source in dataset.sources)),
+        )
         recognizer, frames = recognizer_of(description, network, ""), experiment.cropping.max_frames
         accuracies = {split: accuracy(recognizer, dataset, split, frames) for split in SPLITS}
         figures = {f"{k}_accuracy": round(v, 4) for k, v in accuracies.items() if v is not None}
@@ -235,21 +244,3 @@ def accuracy(recognizer: Recognizer, dataset: Dataset, split: str, frames: int) 
         recognizer.labels[row] == clip.action for row, clip in zip(predicted, clips, strict=True)
     ]
     return sum(hits) / len(hits)
-
-
-def _describe(
-    experiment: ClassifierExperiment,
-    dataset: Dataset,
-    labels: tuple[str, ...],
-    normalizer: Normalizer,
-) -> ActionClassifier:
-    sources = "; ".join(f"{source.name}: {source.credit}" for source in dataset.sources)
-    return ActionClassifier(
-        labels=labels,
-        representation=dataset.representation.name,
-        network=experiment.network,
-        mean=tuple(normalizer.mean.tolist()),
-        std=tuple(normalizer.std.tolist()),
-        origin=f"{command_line()} (data {dataset.fingerprint[:12]}; {sources})",
-        license="; ".join(dict.fromkeys(source.license for source in dataset.sources)),
-    )

@@ -6,7 +6,7 @@ For diffusion on raw frames (`--vae none`) the normalized frames themselves are 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +15,10 @@ from jaxtyping import Bool, Float
 from safetensors.torch import load_file, save_file
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
+from latentmotion.data.dataset import Crop, Cropping, Item
 from latentmotion.diffusion.guidance import drop, guided
 from latentmotion.diffusion.parametrization import Estimator, ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, SeededNoise, sample, sampler_named
-from latentmotion.errors import InputError
-from latentmotion.model.card import ModelCard, Provenance
-from latentmotion.model.config import IdentityVAEConfig
 from latentmotion.motion import Motion
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.interface import MotionVAE
@@ -30,7 +27,7 @@ from latentmotion.training.denoiser_loss import denoiser_loss
 from latentmotion.training.distributed import DistributedContext, Ranks, StepRandomness
 from latentmotion.training.experiment import Experiment
 from latentmotion.training.loop import Stage
-from latentmotion.training.run_folder import Previews, first_stage_card
+from latentmotion.training.run_folder import Previews
 from latentmotion.training.task_conditions import ConditionTable
 from latentmotion.training.vae import BatchSampler, FeatureCache
 
@@ -178,22 +175,6 @@ class FreshLatents:
         with torch.autocast(self._device.type, enabled=False):
             posterior = self._vae.encode(features, mask)
         return Posteriors(posterior.mean, posterior.std, self._vae.latent_mask(mask))
-
-
-def frames_card(experiment: Experiment, dataset: Dataset) -> tuple[IdentityVAEConfig, ModelCard]:
-    """Describes the data's frames as if a VAE had made them.
-
-    Raises:
-        InputError: They should be normalized as latents, but are already as features.
-    """
-    if experiment.latents.normalized:
-        raise InputError(
-            "the frames are normalized as features, by the data set's statistics; without a VAE "
-            "use --set latents.normalized=false"
-        )
-    config = IdentityVAEConfig(dataset.representation.width)
-    card = first_stage_card(replace(experiment, vae=config), dataset, 0.0, {})
-    return config, replace(card, provenance=Provenance())
 
 
 DRAWS = 4  # Times and noises at which held-out motions are measured.

@@ -12,7 +12,7 @@ their sentences' embeddings, until a few alike ones are left.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -67,10 +67,6 @@ class EvaluatorExperiment:
     # Batches of alike sentences and mirror images; None for random ones.
     hard: HardNegatives | None = None
     draws: RarityDraws = field(default_factory=RarityDraws)  # How often rare sentences are seen.
-
-    def croppings(self) -> list[Cropping]:
-        """Which parts of clips each turn sees."""
-        return [Cropping(FRAMES, frames) for frames in self.longest]
 
 
 # Settings of the presets by name.
@@ -127,16 +123,14 @@ class EvaluatorStage(Stage[Networks]):
         self._spans_of = {clip.id: spans_of(clip) for clip in train + held_out}
         self._memory = FeatureCache(dataset, [*train, *held_out], dataset.normalizer)
         batch, seed = experiment.training.batch_size, experiment.training.seed
-        self._batch_samplers: list[Callable[[int], list[Crop]]] = []
-        for cropping in experiment.croppings():
-            if experiment.hard is None:
-                items = experiment.draws.weigh(items_of(train), self._embed)
-                self._batch_samplers.append(BatchSampler(items, batch, cropping, seed))
-                continue
-            hard, draws = experiment.hard, experiment.draws
-            self._batch_samplers.append(
-                HardBatchSampler(train, batch, cropping, hard, seed, self._embed, draws)
-            )
+        hard, draws = experiment.hard, experiment.draws
+        items = draws.weigh(items_of(train), self._embed) if hard is None else []
+        self._batch_samplers = [
+            BatchSampler(items, batch, cropping, seed)
+            if hard is None
+            else HardBatchSampler(train, batch, cropping, hard, seed, self._embed, draws)
+            for cropping in (Cropping(FRAMES, frames) for frames in experiment.longest)
+        ]
 
     def forward(self, step: int) -> dict[str, torch.Tensor]:
         """Losses of step number `step`."""

@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
-from jaxtyping import Float
 
 from latentmotion.condition import TASKS, Conditioning
 from latentmotion.data.dataset import Dataset
 from latentmotion.diffusion.parametrization import Estimator
 from latentmotion.diffusion.samplers import Sampler, SeededNoise
-from latentmotion.engine.backend import Batch, FeatureDecoder
+from latentmotion.engine.backend import Batch, FeatureDecoder, representation_of
 from latentmotion.errors import InputError, MissingExtraError, hint
 from latentmotion.model.card import CARD_FILE, ModelCard, Provenance
 from latentmotion.motion import Motion
@@ -27,7 +26,6 @@ from latentmotion.networks.device import describe_machine
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import features_from_noise
 from latentmotion.plugins import plugin, plugin_names, warn_of
-from latentmotion.representation import representation_named
 from latentmotion.storage.configuration import from_json, read_plain, to_json, write_json
 from latentmotion.storage.files import atomic_file
 from latentmotion.storage.provenance import command_line, commit
@@ -338,26 +336,11 @@ class Previews:
         tokens = self._vae.latent_mask(frames).to(device)
         z = torch.from_numpy(noise((*tokens.shape, self._card.latents.width))).to(device)
         batch = Batch(z, tokens, condition.tokens, condition.mask, frames.to(device))
-        decoder = self._decoder(device)
-        features = features_from_noise(batch, guided, sampler, steps, noise, decoder)
-        return self._motions(features, captions)
-
-    def decode(
-        self, z: Float[torch.Tensor, "batch tokens width"], captions: Sequence[str]
-    ) -> list[Motion]:
-        """Returns a motion for each row of latents in the denoiser's scale."""
-        frames = torch.ones(len(z), self._frames, dtype=torch.bool, device=z.device)
-        return self._motions(self._decoder(z.device)(z, frames), captions)
-
-    def _decoder(self, device: torch.device) -> FeatureDecoder:
         # Distillation, and a resumed stage 2, need the VAE for nothing else.
         decode = self._vae.to(device).decode
-        return FeatureDecoder.of(self._card, decode, partial(torch.tensor, device=device))
-
-    def _motions(
-        self, features: Float[torch.Tensor, "batch frames features"], captions: Sequence[str]
-    ) -> list[Motion]:
-        part = representation_named(self._card.representation)
+        decoder = FeatureDecoder.of(self._card, decode, partial(torch.tensor, device=device))
+        features = features_from_noise(batch, guided, sampler, steps, noise, decoder)
+        part = representation_of(self._card)
         joints = part.decode(features.cpu().numpy())
         return [
             Motion(each, part.fps, part.skeleton, caption)

@@ -16,8 +16,8 @@ from latentmotion.data.dataset import Dataset, Item
 from latentmotion.engine.backend import normalizer_of
 from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.smpl import SmplModel, load_smpl
-from latentmotion.model.card import CARD_FILE, ModelCard, read_card
-from latentmotion.model.config import LatentSpace
+from latentmotion.model.card import CARD_FILE, ModelCard, Provenance, read_card
+from latentmotion.model.config import IdentityVAEConfig, LatentSpace
 from latentmotion.networks import checkpoint
 from latentmotion.networks.checkpoint import build, start_from
 from latentmotion.networks.vae.interface import MotionVAE
@@ -328,13 +328,19 @@ def load_first_stage(folder: Path) -> FirstStage:
 
 
 def frames_as_first_stage(experiment: Experiment, dataset: Dataset) -> FirstStage:
-    """Returns the first stage of a diffusion on raw frames, which needs no training.
+    """Returns the first stage of a diffusion on raw frames: a VAE that changes nothing.
 
     Raises:
-        InputError: The frames should be normalized as latents.
+        InputError: The frames should be normalized as latents, but are already as features.
     """
-    config, card = second_stage.frames_card(experiment, dataset)
-    return FirstStage(build(config), card, "none")
+    if experiment.latents.normalized:
+        raise InputError(
+            "the frames are normalized as features, by the data set's statistics; without a VAE "
+            "use --set latents.normalized=false"
+        )
+    config = IdentityVAEConfig(dataset.representation.width)
+    card = first_stage_card(replace(experiment, vae=config), dataset, 0.0, {})
+    return FirstStage(build(config), replace(card, provenance=Provenance()), "none")
 
 
 def with_latent_width(experiment: Experiment, first: FirstStage) -> Experiment:
