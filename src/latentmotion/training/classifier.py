@@ -15,7 +15,7 @@ from pathlib import Path
 import torch
 import torch.nn.functional as F
 from safetensors import safe_open
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
 from latentmotion.data.clip import SPLITS, Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
@@ -29,12 +29,11 @@ from latentmotion.evaluation.evaluators.action import (
     save_action_classifier,
 )
 from latentmotion.representation.interface import Normalizer
-from latentmotion.storage.files import atomic_file
 from latentmotion.storage.provenance import command_line
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.loop import Stage, train
-from latentmotion.training.run_folder import MODEL, open_run
+from latentmotion.training.run_folder import MODEL, open_run, write_tensors
 from latentmotion.training.vae import BatchSampler, FeatureCache
 
 
@@ -135,9 +134,7 @@ class ClassifierStage(Stage[TemporalClassifier]):
         targets = self._data.targets(crops)
         loss = float(F.cross_entropy(logits, targets))
         if loss < best_loss(self._best):
-            tensors = {key: value.cpu().contiguous() for key, value in network.state_dict().items()}
-            with atomic_file(self._best) as temporary:
-                save_file(tensors, temporary, {"loss": repr(loss)})
+            write_tensors(self._best, network.state_dict(), {"loss": repr(loss)})
         accuracy = float((logits.argmax(1) == targets).float().mean())
         return {"loss": loss, "accuracy": accuracy}
 

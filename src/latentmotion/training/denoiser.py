@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.data.dataset import Crop, Cropping, Item
@@ -22,12 +22,11 @@ from latentmotion.diffusion.samplers import Sampler, SeededNoise, sample, sample
 from latentmotion.motion import Motion
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.interface import MotionVAE
-from latentmotion.storage.files import atomic_file
 from latentmotion.training.denoiser_loss import denoiser_loss
 from latentmotion.training.distributed import DistributedContext, Ranks, StepRandomness
 from latentmotion.training.experiment import Experiment
 from latentmotion.training.loop import Stage
-from latentmotion.training.run_folder import Previews
+from latentmotion.training.run_folder import Previews, write_tensors
 from latentmotion.training.task_conditions import ConditionTable
 from latentmotion.training.vae import BatchSampler, FeatureCache
 
@@ -141,10 +140,7 @@ def cached_posteriors(
 ) -> Posteriors:
     """Reads posteriors from `path`, which the leading rank computes first where it is missing."""
     if context.is_main and not path.exists():
-        posteriors = compute()
-        tensors = {"mean": posteriors.mean, "std": posteriors.std, "mask": posteriors.mask}
-        with atomic_file(path) as temporary:
-            save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, temporary)
+        write_tensors(path, vars(compute()))
     context.wait()
     return Posteriors(**load_file(path))
 

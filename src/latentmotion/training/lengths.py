@@ -34,7 +34,7 @@ from latentmotion.errors import DataError, InputError
 from latentmotion.measure.scene import describe
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import write_file
 from latentmotion.text.lengths import QUANTILES, LengthModel
 from latentmotion.training.checking import fulfills
 from latentmotion.training.drawn_instructions import drawn_instructions
@@ -376,8 +376,7 @@ def _read(journal: Path, about: dict[str, Any]) -> list[Any]:
             raise DataError(f"{journal} is damaged ({error}); delete it") from error
         if not rows or rows[0] != about:
             raise InputError(f"{journal} is of other trials than {about}; delete it")
-    with atomic_file(journal) as temporary:
-        temporary.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
+    write_file(journal, "".join(json.dumps(row) + "\n" for row in rows))
     return rows[1:]
 
 

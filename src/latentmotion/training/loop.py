@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import torch
-from safetensors.torch import save_file
 from torch import nn
 from torch.nn.parallel import DistributedDataParallel
 
@@ -36,7 +35,7 @@ from latentmotion.training.distributed import (
     whole,
 )
 from latentmotion.training.experiment import TrainingSettings
-from latentmotion.training.run_folder import Journal, write_strip
+from latentmotion.training.run_folder import Journal, write_strip, write_tensors
 
 Network = TypeVar("Network", bound=nn.Module)
 
@@ -303,9 +302,7 @@ class Reporter(Generic[Network]):
         if self._journal is None or network is None:
             return
         if percent is not None:
-            weights = {key: value.cpu() for key, value in network.state_dict().items()}
-            with atomic_file(kept_weights(self._folder, percent)) as temporary:
-                save_file(weights, temporary)
+            write_tensors(kept_weights(self._folder, percent), network.state_dict())
         if validates:
             self._write(step, "validation", self._stage.validate(network))
         if samples:

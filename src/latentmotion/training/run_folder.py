@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
+from safetensors.torch import save_file
 
 from latentmotion.condition import TASKS, Conditioning
 from latentmotion.data.dataset import Dataset
@@ -27,7 +28,7 @@ from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import features_from_noise
 from latentmotion.plugins import plugin, plugin_names, warn_of
 from latentmotion.storage.configuration import from_json, read_plain, to_json, write_json
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage.files import atomic_file, write_file
 from latentmotion.storage.provenance import command_line, commit
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import Experiment, differing_keys
@@ -216,9 +217,7 @@ class Journal:
         self._steps = steps
         self._loggers = _opened_loggers(folder, done)
         lines = [line for line in read_journal(folder) if line["step"] <= done]
-        with atomic_file(folder / JOURNAL_FILE) as temporary:
-            text = "".join(json.dumps(line) + "\n" for line in lines)
-            temporary.write_text(text, encoding="utf-8")
+        write_file(folder / JOURNAL_FILE, "".join(json.dumps(line) + "\n" for line in lines))
         try:
             from torch.utils.tensorboard import SummaryWriter
         except ImportError as error:
@@ -290,6 +289,15 @@ def _opened_loggers(folder: Path, done: int) -> dict[str, Any]:
         except Exception as error:  # of a package that is not ours
             warn_of("latentmotion.loggers", name, error)
     return opened
+
+
+def write_tensors(
+    path: Path, tensors: Mapping[str, torch.Tensor], about: dict[str, str] | None = None
+) -> None:
+    """Writes tensors of any device, with a text or two about them; the file is whole or absent."""
+    with atomic_file(path) as temporary:
+        each = {name: tensor.cpu().contiguous() for name, tensor in tensors.items()}
+        save_file(each, temporary, about)
 
 
 def write_strip(path: Path, motions: Sequence[Motion]) -> None:

@@ -78,9 +78,7 @@ def train_vae(
         ModelError: There is no model to start from.
     """
     dataset, training = Dataset.load(data), experiment.vae_training
-    check_trainable(experiment)
-    check_width(experiment, dataset)
-    check_length(experiment)
+    check_first_stage(experiment, dataset)
     smpl = check_body(experiment, dataset, body)
     parents = {"body": smpl.fingerprint} if smpl else {}
     if start:
@@ -246,23 +244,27 @@ def same_vae(before: checkpoint.LatentModel, first: FirstStage, tolerance: float
     return wide and bool((vector - other).norm() <= tolerance * vector.norm())
 
 
-def check_trainable(experiment: Experiment) -> None:
-    """Raises InputError where there is no VAE to train."""
+def check_first_stage(experiment: Experiment, dataset: Dataset) -> None:
+    """Compares experiment and data.
+
+    Raises:
+        InputError: There is no VAE to train, it is made for features of another width, or it
+            cannot learn from motions so long, or so few at once.
+    """
     if not experiment.vae.has_weights:
         raise InputError(
             f"experiment {experiment.name!r} has no VAE, its diffusion is on raw frames; "
             "run latentmotion train denoiser --vae none"
         )
-
-
-def check_width(experiment: Experiment, dataset: Dataset) -> None:
-    """Raises InputError where the VAE is made for features of another width."""
     width, expected = dataset.representation.width, experiment.vae.features
     if width != expected:
         raise InputError(
             f"{dataset.folder} has {width} features a frame ({dataset.representation.name}), the "
             f"experiment's VAE takes {expected}; use --set vae.features={width}"
         )
+    croppings = experiment.vae_cropping, experiment.latents.cropping
+    longest = max(cropping.max_frames for cropping in croppings)
+    experiment.vae.check_training(longest, experiment.vae_training.batch_size)
 
 
 def check_body(experiment: Experiment, dataset: Dataset, body: Path | None) -> SmplModel | None:
@@ -287,13 +289,6 @@ def check_body(experiment: Experiment, dataset: Dataset, body: Path | None) -> S
     if body is not None and not compares:
         raise InputError("--body is of no use: vae_objective.vertices is 0; set it to 1")
     return load_smpl(body) if body is not None else None
-
-
-def check_length(experiment: Experiment) -> None:
-    """Raises InputError where the VAE cannot learn from motions so long, or so few at once."""
-    croppings = experiment.vae_cropping, experiment.latents.cropping
-    longest = max(cropping.max_frames for cropping in croppings)
-    experiment.vae.check_training(longest, experiment.vae_training.batch_size)
 
 
 @dataclass(frozen=True)

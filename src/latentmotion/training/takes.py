@@ -7,13 +7,13 @@ run folder, a file of each rank.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.data.instructions import Instruction
@@ -25,9 +25,9 @@ from latentmotion.measure.scene import describe
 from latentmotion.model.config import STRIDE
 from latentmotion.networks.checkpoint import LatentModel
 from latentmotion.networks.device import autocast
-from latentmotion.storage.files import atomic_file
 from latentmotion.training.checking import fulfills
 from latentmotion.training.distributed import DistributedContext
+from latentmotion.training.run_folder import write_tensors
 from latentmotion.training.task_conditions import ConditionTable
 
 AT_ONCE = 64  # Motions that are made together.
@@ -105,10 +105,7 @@ def cached_takes(
     rank_file = files[context.ranks.rank]
     if not rank_file.exists():
         takes = _make(settings, instructions, seconds, model, prompts, context)
-        with atomic_file(rank_file) as temporary:
-            save_file(
-                {field.name: getattr(takes, field.name) for field in fields(takes)}, temporary
-            )
+        write_tensors(rank_file, vars(takes))
     context.wait()
     return joined_takes([Takes(**load_file(file)) for file in files])
 

@@ -49,7 +49,7 @@ from latentmotion.language.words import present_participle, third_person
 from latentmotion.networks.device import autocast
 from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
 from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, teacher_state
-from latentmotion.storage.files import atomic_file, atomic_folder
+from latentmotion.storage.files import atomic_folder, write_file
 from latentmotion.storage.reading import parse_json, read_json_file, read_text, unpack_xz
 from latentmotion.text.encoder import StudentTextEncoder, silent_of_unknown, split_words
 from latentmotion.training.distributed import DistributedContext
@@ -633,8 +633,7 @@ def write_card(
         "milliseconds_a_sentence": pace,
         "bytes": {p.name: p.stat().st_size for p in folder.iterdir() if p.name != CARD_FILE},
     }
-    with atomic_file(folder / CARD_FILE) as temporary:
-        temporary.write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+    write_file(folder / CARD_FILE, json.dumps(card, indent=2) + "\n")
 
 
 def _ids(tokenizer: Tokenizer, sentences: Sequence[str]) -> list[list[int]]:

@@ -15,7 +15,6 @@ from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, Item, items_of, plan_epoch
 from latentmotion.errors import DataError
 from latentmotion.evaluation.metrics import mpjpe
-from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.kinematics.smpl import SkinnedBody
 from latentmotion.motion import Motion
 from latentmotion.networks.vae.interface import MotionVAE, vae_losses
@@ -156,6 +155,9 @@ class VAEStage(Stage[MotionVAE]):
         features, mask = self.memory.batch(shard, max(crop.frames for crop in crops))
         seed, device = self._settings.seed, context.device
         randomness = StepRandomness(seed, step, len(crops), context.ranks, device)
+        # Not every representation has one.
+        compares = self._objective.contacts > 0 or self._objective.bones > 0
+        skeleton = self._dataset.representation.skeleton if compares else None
         return vae_losses(
             vae=self.network,
             features=features.to(device),
@@ -165,7 +167,7 @@ class VAEStage(Stage[MotionVAE]):
             fps=self._dataset.representation.fps,
             objective=self._objective,
             vertices_of=self._vertices if self._body else None,
-            skeleton=self.skeleton,
+            skeleton=skeleton,
             latents_of=partial(self._latents_to_decode, randomness),
         )
 
@@ -177,12 +179,6 @@ class VAEStage(Stage[MotionVAE]):
     ) -> Float[torch.Tensor, "batch tokens width"]:
         """Returns the latents that the decoder learns from: those that were drawn."""
         return drawn
-
-    @property
-    def skeleton(self) -> Skeleton | None:
-        """Whose feet and bones are compared, where the objective does."""
-        compared = self._objective.contacts > 0 or self._objective.bones > 0
-        return self._dataset.representation.skeleton if compared else None
 
     @torch.no_grad()
     def validate(self, network: MotionVAE) -> dict[str, float]:
