@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import onnx
 import pytest
-from onnx import parser
 from tokenizers import Tokenizer
 
 from latentmotion import MotionPipeline
@@ -16,7 +15,7 @@ from latentmotion.cli.main import main
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.session import open_session
 from latentmotion.errors import ModelError
-from latentmotion.export.web import export_web, motion_file, without_unused
+from latentmotion.export.web import export_web, motion_file
 from latentmotion.model.card import find_model
 
 SENTENCES = ("a person walks in a circle", "he jumps", "a man waves " + "and waves " * 80)
@@ -49,28 +48,6 @@ def test_the_graph_makes_the_joints_that_python_makes(
             0
         ].joints
         np.testing.assert_allclose(found, expected, atol=1e-5)
-
-
-def test_the_graph_makes_no_features_that_joints_do_not_need(web_folder: Path, four_steps: Path):
-    small = onnx.load(web_folder / "motion_4.onnx", load_external_data=False).graph
-    whole = onnx.load(four_steps / "fused_4.onnx", load_external_data=False).graph
-    sizes = [
-        {tensor.dims[0] for tensor in graph.initializer if "decoder.6" in tensor.name}
-        for graph in (small, whole)
-    ]
-    # Of 263 features: the root's turn, step and height, and the places of 21 joints.
-    assert sizes == [{4 * 67}, {4 * 263}]
-
-
-def test_a_sampler_of_another_kind_is_left_as_it_is():
-    text = """<ir_version: 10, opset_import: ["" : 20]>
-    sampler (float[1,n,9] noise) => (float[1,n,9] features) { features = Relu (noise) }"""
-    reading = """<ir_version: 10, opset_import: ["" : 20]>
-    joints (float[1,n,9] features) => (float[1,n,3] joints)
-      <int64[1] start = {0}, int64[1] end = {3}, int64[1] axis = {2}>
-    { joints = Slice (features, start, end, axis) }"""
-    sampler = parser.parse_model(text)
-    assert without_unused(parser.parse_model(text), parser.parse_model(reading)) == sampler
 
 
 @pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.LongSentenceWarning")

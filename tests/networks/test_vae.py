@@ -13,7 +13,6 @@ from latentmotion.errors import InputError
 from latentmotion.model.config import (
     ConvolutionalVAEConfig,
     IdentityVAEConfig,
-    QuantizedVAEConfig,
     QuarterRateDecoder,
     TransformerConfig,
     TransformerVAEConfig,
@@ -49,7 +48,6 @@ CONFIGS = {
     "quarter rate": ConvolutionalVAEConfig(
         FEATURES, width=24, channels=6, decoder=QuarterRateDecoder((3, 1))
     ),
-    "quantized": QuantizedVAEConfig(FEATURES, width=24, channels=6, codes=9, codebooks=3),
     "identity": IdentityVAEConfig(FEATURES),
     "vposer-t": VPoserTConfig(FEATURES, frames=44, hidden=24, width=12),
 }

@@ -14,7 +14,7 @@ from latentmotion.storage.files import read_lines
 
 @dataclass(frozen=True)
 class Convert:
-    """Turn a checkpoint of MLD's, MotionLCM's, MDM's or MoMask's code into a model folder.
+    """Turn a checkpoint of MLD's, MotionLCM's or MDM's code into a model folder.
 
     The file is opened without running any code inside it. Its shapes tell most of the sizes; what
     they cannot tell has an option, whose default is what the authors trained.

@@ -1,11 +1,11 @@
-"""Checkpoints of MLD's, MotionLCM's, MDM's and MoMask's code to model folders."""
+"""Checkpoints of MLD's, MotionLCM's and MDM's code to model folders."""
 
 from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
 
-from latentmotion.convert import mdm, mld, momask, reading
+from latentmotion.convert import mdm, mld, reading
 from latentmotion.errors import InputError, ModelError
 from latentmotion.networks import checkpoint
 
@@ -34,8 +34,6 @@ def convert_checkpoint(
             heads = Counter(name.split(".")[0] for name in state)
             others = {head: heads[head] for head in mdm.OTHERS if heads[head]}
             model = mdm.latent_model(state, path, origin)
-        elif momask.is_momask(state):
-            others, model = {}, momask.first_stage(state, path, origin)
         else:
             if origin.diffusion_steps != mld.Origin().diffusion_steps:
                 raise InputError(f"{path} is not MDM's, so leave --diffusion-steps out")
@@ -50,5 +48,5 @@ def convert_checkpoint(
         return others
     except (ValueError, IndexError, KeyError, RuntimeError) as error:  # of weights of other shapes
         raise ModelError(
-            f"{path} is no checkpoint of MLD's, MDM's or MoMask's code ({error!r:.200})"
+            f"{path} is no checkpoint of MLD's or MDM's code ({error!r:.200})"
         ) from error

@@ -28,7 +28,6 @@ from latentmotion.model.config import (
     DenoiserConfig,
     IdentityVAEConfig,
     PositionKind,
-    QuantizedVAEConfig,
     Sampling,
     TransformerConfig,
     TransformerVAEConfig,
@@ -175,7 +174,7 @@ def loaded(
 
 def model_card(
     path: Path,
-    vae: TransformerVAEConfig | IdentityVAEConfig | QuantizedVAEConfig,
+    vae: TransformerVAEConfig | IdentityVAEConfig,
     denoiser: DenoiserConfig | None,
     origin: Origin,
 ) -> ModelCard:

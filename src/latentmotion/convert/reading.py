@@ -73,8 +73,7 @@ _MOST_SHARED = 8
 def read_checkpoint(path: str | Path) -> dict[str, Tensor]:
     """Returns the tensors of a Lightning file's `state_dict`, or of a plain dictionary of tensors.
 
-    MDM's newer files hold `model_avg`, the average of the weights, beside `model`; MoMask's hold
-    `vq_model`, and the older ones `net`.
+    MDM's newer files hold `model_avg`, the average of the weights, beside `model`.
 
     Raises:
         ModelError: The file is missing, damaged, of another kind, or holds code.
@@ -82,7 +81,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Tensor]:
     content = read_content(Path(path))
     states = [content]
     if isinstance(content, Mapping):
-        keys = ("state_dict", "model_avg", "model", "vq_model", "net")
+        keys = ("state_dict", "model_avg", "model")
         states = [content[key] for key in keys if key in content]
     tensors = tensors_of((states or [content])[0])
     if not tensors:

@@ -62,9 +62,6 @@ READABLE: Mapping[str, str] = MappingProxyType(
         ".fbx": "latentmotion.formats.fbx:read_takes",
         ".amc": "latentmotion.formats.takes:read_amc_file",
         **dict.fromkeys((".pkl", ".pt"), "latentmotion.formats.smpl:read"),
-        **dict.fromkeys(
-            (".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd_reader:read_takes"
-        ),
     }
 )
 

@@ -377,41 +377,6 @@ class ConvolutionalVAEConfig(MotionVAEConfig):
 
 
 @dataclass(frozen=True)
-class QuantizedVAEConfig(MotionVAEConfig):
-    """Sizes of a `QuantizedVAE`; the defaults are MoMask's."""
-
-    sizes = ("features", "width", "channels", "codes")
-
-    features: int = 263  # Numbers per frame.
-    width: int = 512  # Channels inside.
-    channels: int = 512  # Numbers per latent token, and per code.
-    codes: int = 512  # Codes in a codebook.
-    codebooks: int = 6  # Codebooks, each for what those before it leave of a token.
-    # Dilation of each residual block at half and at quarter rate, in encoder and decoder alike.
-    dilations: tuple[int, ...] = (9, 3, 1)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range("vae.codebooks", self.codebooks, limits.MOST_LAYERS)
-        check_dilations("vae.dilations", self.dilations)
-
-    def latent_space(self) -> LatentSpace:
-        """Returns sums of codes over time, at a quarter of the frame rate."""
-        return LatentSpace(self.channels, frames_per_token=STRIDE)
-
-    def scaled(self, width: int, layers: Mapping[int, int]) -> QuantizedVAEConfig:
-        """Returns the same with so many channels inside; codes and blocks stay."""
-        return replace(self, width=width)
-
-    def check_training(self, frames: int, batch_size: int) -> None:
-        """Raises InputError: its codebooks are converted, not learned."""
-        raise InputError(
-            "a quantized VAE is not trained here: convert MoMask's (latentmotion convert), and "
-            "train a denoiser on it (latentmotion train denoiser --vae FOLDER)"
-        )
-
-
-@dataclass(frozen=True)
 class VPoserTConfig(MotionVAEConfig):
     """Sizes of a `VPoserT`; the defaults are the authors'."""
 
@@ -498,7 +463,6 @@ class PluginVAEConfig(MotionVAEConfig):
 VAEConfig = (
     TransformerVAEConfig
     | ConvolutionalVAEConfig
-    | QuantizedVAEConfig
     | VPoserTConfig
     | IdentityVAEConfig
     | PluginVAEConfig

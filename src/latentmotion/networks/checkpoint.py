@@ -33,13 +33,12 @@ from latentmotion.model.config import (
     DenoiserConfig,
     IdentityVAEConfig,
     PluginVAEConfig,
-    QuantizedVAEConfig,
     TransformerVAEConfig,
     VAEConfig,
     VPoserTConfig,
 )
 from latentmotion.networks.denoiser import DenoiserNetwork
-from latentmotion.networks.vae.convolutional import ConvolutionalVAE, QuantizedVAE
+from latentmotion.networks.vae.convolutional import ConvolutionalVAE
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.networks.vae.transformer import IdentityVAE, TransformerVAE, VPoserT
 from latentmotion.storage.configuration import part_named
@@ -296,8 +295,6 @@ def build(config: DenoiserConfig | VAEConfig) -> DenoiserNetwork | MotionVAE:
             return TransformerVAE.of(config)
         case ConvolutionalVAEConfig():
             return ConvolutionalVAE.of(config)
-        case QuantizedVAEConfig():
-            return QuantizedVAE.of(config)
         case VPoserTConfig():
             return VPoserT(config)
         case IdentityVAEConfig():

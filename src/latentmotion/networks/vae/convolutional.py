@@ -11,14 +11,6 @@ that the same latents can get a cheaper one.
 The adjoint of every layer is written out, so that it can be exported as a graph and run without
 automatic differentiation. The adjoint of a convolution has the same weights, the other way round.
 One forward pass serves any number of gradients, the rows of a Jacobian.
-
-A VAE whose latents are sums of codes: residual vector quantization, as in MoMask.
-
-    features (T, 263) → width at T → T/2 → T/4 → codes (T/4, codebooks) → latents (T/4, channels)
-
-A token becomes the nearest code of the first codebook, what is left of it the nearest of the next,
-and so on; the latent is the sum, and nothing of it is drawn. The layers are those of MoMask's code
-(Guo et al., CVPR 2024), whose checkpoints convert. Codebooks are not learned here.
 """
 
 from __future__ import annotations
@@ -27,14 +19,13 @@ from collections.abc import Callable, Sequence
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from latentmotion.model.config import (
     STRIDE,
     ConvolutionalVAEConfig,
     MirroredDecoder,
-    QuantizedVAEConfig,
     QuarterRateDecoder,
 )
 from latentmotion.networks.vae.interface import MotionVAE, Posterior, decoder_modules
@@ -79,18 +70,15 @@ class ResidualBlock(nn.Module):
 
     rate_change = 0
 
-    def __init__(
-        self, width: int, dilation: int, activation: Callable[[Tensor], Tensor] = F.silu
-    ) -> None:
+    def __init__(self, width: int, dilation: int) -> None:
         super().__init__()
-        self.activation = activation
         self.dilated = nn.Conv1d(width, width, 3, padding=dilation, dilation=dilation)
         self.pointwise = nn.Conv1d(width, width, 1)
         nn.init.zeros_(self.pointwise.weight)
 
     def forward(self, x: Tensor, row: Tensor) -> Tensor:
         """Returns the same shape; what is zero stays so, so only the bias needs masking."""
-        return x + self.pointwise(self.activation(self.dilated(self.activation(x)))) * row
+        return x + self.pointwise(F.silu(self.dilated(F.silu(x)))) * row
 
 
 class Halve(nn.Module):
@@ -202,17 +190,11 @@ class ConvolutionalVAE(MotionVAE):
         mask: Bool[Tensor, "batch frames"],
     ) -> Posterior:
         """Returns the distribution of ceil(frames / 4) latent tokens."""
-        mean, logvar = self.encoded(features, mask).chunk(2, dim=-1)
-        return Posterior(mean, logvar.clamp(max=MAX_LOGVAR))
-
-    def encoded(
-        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
-    ) -> Float[Tensor, "batch tokens channels"]:
-        """Returns what the encoder's last layer makes of ceil(frames / 4) tokens."""
         masks = pyramid(mask)
         padding = masks[0].shape[1] - mask.shape[1]
         x = F.pad(features, (0, 0, 0, padding)).transpose(1, 2) * as_row(masks[0])
-        return self.encoder(x, masks).transpose(1, 2)
+        mean, logvar = self.encoder(x, masks).transpose(1, 2).chunk(2, dim=-1)
+        return Posterior(mean, logvar.clamp(max=MAX_LOGVAR))
 
     def decode(
         self,
@@ -322,76 +304,3 @@ def _turned(convolution: nn.Conv1d, g: Tensor, groups: int = 1) -> Tensor:
     taps = torch.cat([padded[:, shift : shift + steps] for shift in shifts], dim=2)
     weight = convolution.weight.unflatten(0, (groups, -1))[:, : g.shape[2] // groups]
     return taps @ weight.permute(3, 0, 1, 2).flatten(0, 2)  # (kernel · channels, inputs)
-
-
-class _ReLU(nn.ReLU):
-    rate_change = 0
-
-    def forward(self, x: Tensor, row: Tensor) -> Tensor:
-        return F.relu(x)
-
-
-class QuantizedVAE(ConvolutionalVAE):
-    """Convolutions around codebooks.
-
-    Args:
-        encoder: Features to one vector per token, T → T/2 → T/4.
-        decoder: Sums of codes to features.
-        codebooks: Codes of each codebook.
-    """
-
-    codebooks: Float[Tensor, "codebooks codes channels"]
-
-    def __init__(
-        self, encoder: Chain, decoder: Chain, codebooks: Float[Tensor, "codebooks codes channels"]
-    ) -> None:
-        super().__init__(encoder, decoder, codebooks.shape[2])
-        self.register_buffer("codebooks", codebooks)
-
-    @classmethod
-    def of(cls, config: QuantizedVAEConfig) -> QuantizedVAE:  # type: ignore[override]
-        """Builds the VAE of a configuration with fresh weights and codes."""
-        width, channels, features = config.width, config.channels, config.features
-
-        def blocks() -> Sequence[nn.Module]:
-            return [ResidualBlock(width, dilation, F.relu) for dilation in config.dilations]
-
-        into: list[nn.Module] = [MaskedConvolution(features, width, 3), _ReLU()]
-        into += [Halve(width), *blocks(), Halve(width), *blocks()]
-        back: list[nn.Module] = [MaskedConvolution(channels, width, 3), _ReLU()]
-        back += [*blocks(), Double(width), *blocks(), Double(width)]
-        last = MaskedConvolution(width, features, 3, activation=nn.ReLU())
-        return cls(
-            Chain([*into, MaskedConvolution(width, channels, 3)]),
-            Chain([*back, MaskedConvolution(width, width, 3), last]),
-            torch.randn(config.codebooks, config.codes, channels),
-        )
-
-    def encode(
-        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
-    ) -> Posterior:
-        """Returns the sums of codes, without doubt; gradients pass by the codes."""
-        x = self.encoded(features, mask)
-        latents = x + (self.latents_of(self._nearest(x)) - x).detach()
-        return Posterior(latents, torch.full_like(latents, float("-inf")))
-
-    def indices(
-        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
-    ) -> Int[Tensor, "batch tokens codebooks"]:
-        """Returns the number of the code of each codebook; those of padding mean nothing."""
-        return self._nearest(self.encoded(features, mask))
-
-    def latents_of(
-        self, indices: Int[Tensor, "batch tokens some"]
-    ) -> Float[Tensor, "batch tokens channels"]:
-        """Returns the sums of codes of the first codebooks; fewer than all make it coarse."""
-        codes = [book[row] for book, row in zip(self.codebooks, indices.unbind(-1), strict=False)]
-        return torch.stack(codes).sum(dim=0)
-
-    def _nearest(self, x: Tensor) -> Tensor:
-        indices = []
-        for book in self.codebooks:
-            distances = book.square().sum(dim=1) - 2 * x @ book.T  # without x², which all share
-            indices.append(distances.argmin(dim=-1))
-            x = x - book[indices[-1]]
-        return torch.stack(indices, dim=-1)
