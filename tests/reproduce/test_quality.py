@@ -13,7 +13,7 @@ from benchmarks.quality.strips import FIGURES, REAL, draw_strips, sheet, spread
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
-from latentmotion.reproduce.markdown import RowResult, TableResult, fill
+from latentmotion.reproduce.markdown import RowResult, TableResult
 from latentmotion.reproduce.runner import TableRunner, interval, join_runs, joined_row
 from latentmotion.reproduce.table import TABLES, rows_named
 from latentmotion.reproduce.workspace import Workspace, training_cost
@@ -113,10 +113,6 @@ def test_trainings_are_joined_by_evaluator(tmp_path: Path) -> None:
     assert "mean of 3 trainings" in page and "seed=" not in page
     other = (output / "quality_2.md").read_text(encoding="utf-8")
     assert "by evaluator 2" in other and "| MLD-1 of ε | 0.500 | 0.500 ± 0.500 |" in other
-    document = tmp_path / "results.md"
-    names = ("quality", "quality_2")
-    document.write_text("\n".join(f"<!-- table {n} -->\n<!-- end of table {n} -->" for n in names))
-    assert fill(document, output) == list(names)
 
 
 def test_runs_of_other_sizes_are_not_joined(tmp_path: Path) -> None:

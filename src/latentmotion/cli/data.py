@@ -48,15 +48,6 @@ from latentmotion.training.captioning import described
 from latentmotion.training.captioning.compose import Composition, compose
 from latentmotion.training.captioning.described import Windows
 
-Shard = Annotated[
-    str | None,
-    arg(
-        help="Read only a part of the files, such as 3/16: the third of sixteen processes. What is "
-        "read is kept beside the output folder (OUTPUT.recordings), where a killed run is resumed; "
-        "whoever finds all of it finished writes the folder."
-    ),
-]
-SourceName = Annotated[str, arg(help="Name of this data source.")]
 Hold = Annotated[
     int,
     arg(
@@ -92,7 +83,10 @@ class _Prepare:
 class _PrepareInParts(_Prepare):
     """Options of commands whose files several processes can read."""
 
-    shard: Shard = None
+    shard: str | None = None
+    """Read only a part of the files, such as 3/16: the third of sixteen processes. What is read is
+    kept beside the output folder (OUTPUT.recordings), where a killed run is resumed; whoever finds
+    all of it finished writes the folder."""
 
     def _prepare(
         self,
@@ -135,17 +129,16 @@ class _PrepareOwnFiles(options.ReadingOptions, _PrepareInParts):
     """Options of commands that read motion files of the user's."""
 
     draft_map: options.DraftMapFile = None
-    val: Annotated[
-        float, arg(help="Share of the files for the val split, unless stated otherwise.")
-    ] = 0.05
-    test: Annotated[
-        float, arg(help="Share of the files for the test split, unless stated otherwise.")
-    ] = 0.05
-    name: SourceName = "own"
-    license: Annotated[
-        str, arg(help="Terms under which the motions, and models trained on them, may be used.")
-    ] = "unknown"
-    credit: Annotated[str, arg(help="Whom to credit.")] = ""
+    val: float = 0.05
+    """Share of the files for the val split, unless stated otherwise."""
+    test: float = 0.05
+    """Share of the files for the test split, unless stated otherwise."""
+    name: str = "own"
+    """Name of this data source."""
+    license: str = "unknown"
+    """Terms under which the motions, and models trained on them, may be used."""
+    credit: str = ""
+    """Whom to credit."""
 
     def _prepare_files(self, folder: Path, representation: Representation, **choices: Any) -> None:
         """Prepares the files of a folder, or drafts a joint map of them."""
@@ -292,7 +285,8 @@ class PrepareLabelled(_PrepareOwnFiles):
     may be train, val and test."""
     representation: Literal["humanml3d", "smpl"] = "humanml3d"
     """Features of the motions: HumanML3D's 263 or SMPL's 150."""
-    name: SourceName = "labelled"
+    name: str = "labelled"
+    """Name of this data source."""
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""

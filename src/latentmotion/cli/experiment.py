@@ -41,29 +41,6 @@ class ListExperiments:
 
 
 @dataclass(frozen=True)
-class FillDocument:
-    """Insert finished tables into a document, between lines such as <!-- table vae -->.
-
-    Example: latentmotion experiment document results.md --results results
-    """
-
-    document: Annotated[Positional[Path], arg(metavar="DOCUMENT")]
-    """Markdown document; plots and JSON go into a folder beside it."""
-    results: Path
-    """Output folder of `latentmotion experiment run`."""
-
-    def run(self) -> None:
-        """Rewrites the document.
-
-        Raises:
-            InputError: It has no part that names a table.
-        """
-        from latentmotion.reproduce.markdown import fill
-
-        print(f"{self.document}: {', '.join(fill(self.document, self.results)) or 'none run yet'}")
-
-
-@dataclass(frozen=True)
 class JoinRuns:
     """Join runs of a table that differ in seed or evaluator: means of trainings, with intervals.
 

@@ -136,13 +136,9 @@ class SamplingOptions:
 
     steps: Steps = None
     guidance: Guidance = None
-    sampler: Annotated[
-        SamplerName | None,
-        arg(
-            help="Sampler: ddim (Euler), heun (two passes a step), dpm++, or ddpm (fresh noise at "
-            "every step); by default the model's own."
-        ),
-    ] = None
+    sampler: SamplerName | None = None
+    """Sampler: ddim (Euler), heun (two passes a step), dpm++, or ddpm (fresh noise at every step);
+    by default the model's own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,16 +147,11 @@ class ComputingOptions:
 
     text_encoder: OptionalTextEncoder = None
     device: Device = AUTO
-    precision: Annotated[
-        Precision, arg(help="Precision of PyTorch's matrix products and convolutions.")
-    ] = "float32"
-    launch: Annotated[
-        Launch,
-        arg(
-            help="How PyTorch's work reaches the device: eager, graph (CUDA graphs) or compiled. "
-            "The latter two take seconds before the first motion and pay off over hundreds."
-        ),
-    ] = "eager"
+    precision: Precision = "float32"
+    """Precision of PyTorch's matrix products and convolutions."""
+    launch: Launch = "eager"
+    """How PyTorch's work reaches the device: eager, graph (CUDA graphs) or compiled. The latter two
+    take seconds before the first motion and pay off over hundreds."""
 
     @property
     def execution(self) -> ExecutionOptions:
@@ -168,32 +159,24 @@ class ComputingOptions:
         return ExecutionOptions(self.device, self.precision, self.launch)
 
 
+_UNIT = (
+    f"Unit of length of the motion files: {' '.join(METERS_PER_UNIT)}, or a number, meters per "
+    "unit; by default what the file says, else guessed by the legs."
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReadingOptions:
     """Options of every command that reads motion files, with one meaning."""
 
-    unit: Annotated[
-        str | None,
-        arg(
-            help=f"Unit of length of the motion files: {' '.join(METERS_PER_UNIT)}, or a number, "
-            "meters per unit; by default what the file says, else guessed by the legs."
-        ),
-    ] = None
-    up: Annotated[
-        Literal["y", "-y", "z", "-z", "x", "-x"] | None,
-        arg(help="Axis that points up in the motion files; by default y, if the figure stands so."),
-    ] = None
-    fps: Annotated[
-        float | None,
-        arg(help="Frames per second of the motion files, if they state it wrongly or not at all."),
-    ] = None
-    map: Annotated[
-        tuple[Path, ...],
-        arg(
-            help="JSON files, joint maps, that say which joints of an unknown skeleton are ours; "
-            "each file is read by the first one that has joints of it."
-        ),
-    ] = ()
+    unit: Annotated[str | None, arg(help=_UNIT)] = None
+    up: Literal["y", "-y", "z", "-z", "x", "-x"] | None = None
+    """Axis that points up in the motion files; by default y, if the figure stands so."""
+    fps: float | None = None
+    """Frames per second of the motion files, if they state it wrongly or not at all."""
+    map: tuple[Path, ...] = ()
+    """JSON files, joint maps, that say which joints of an unknown skeleton are ours; each file is
+    read by the first one that has joints of it."""
 
     def stated(self) -> Stated | None:
         """Returns what the user says about the files; None where that is nothing.
@@ -211,12 +194,12 @@ class ReadingOptions:
 class MotionOptions(ReadingOptions):
     """Options of every command that does something with the motions in files."""
 
-    trim: Annotated[
-        tuple[float, float] | None,
-        arg(help="Take the part of each motion between two times, seconds."),
-    ] = None
-    speed: Annotated[float, arg(help="Make motions so many times as fast.")] = 1.0
-    mirror: Annotated[bool, arg(help="Swap left and right.")] = False
+    trim: tuple[float, float] | None = None
+    """Take the part of each motion between two times, seconds."""
+    speed: float = 1.0
+    """Make motions so many times as fast."""
+    mirror: bool = False
+    """Swap left and right."""
 
     def load(self, path: Path) -> list[Motion]:
         """Reads the motions of a file, trimmed, sped up and mirrored as is asked for.

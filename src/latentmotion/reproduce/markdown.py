@@ -1,26 +1,14 @@
-"""Lists of tables, and their results: JSON, and Markdown with the paper's figures beside ours.
-
-`fill` puts the pages of tables into a document, between the lines that name them:
-
-<!-- table vae -->
-(replaced by the page of the table `vae`)
-<!-- end of table vae -->
-"""
+"""Lists of tables, and their results: JSON, and Markdown with the paper's figures beside ours."""
 
 from __future__ import annotations
 
-import re
-import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from latentmotion.errors import InputError, unreadable
 from latentmotion.evaluation.report import UNITS as REPORT_UNITS
 from latentmotion.evaluation.report import table_line
 from latentmotion.reproduce.budget import MODELS
-from latentmotion.reproduce.table import TABLES, Row, Table
-from latentmotion.storage.files import atomic_file
+from latentmotion.reproduce.table import Row, Table
 
 # Unit of each metric; ↓ where less is better, ↑ where more is, → near the ground truth.
 UNITS = {
@@ -166,56 +154,6 @@ def _notes(table: Table, result: TableResult) -> list[str]:
         for warning in row.warnings:
             warned.setdefault(warning, []).append(row.row)
     return notes + [f"Warning for {', '.join(rows)}: {text}" for text, rows in warned.items()]
-
-
-# Suffix of pages of curves and of further evaluators, behind the table's name.
-_SUFFIX = re.compile(r"_curves$|_\d+$")
-
-_PART = re.compile(r"<!-- table (\w+) -->\n(.*?)<!-- end of table \1 -->", re.DOTALL)
-
-
-def fill(document: Path, results: Path) -> list[str]:
-    """Inserts tables into the marked parts of a document; their data and plots go beside it.
-
-    Args:
-        document: Markdown with marked parts.
-        results: Output folder of `latentmotion experiment run`, or of `benchmarks.training.curves`.
-
-    Returns:
-        The names of the inserted tables.
-
-    Raises:
-        InputError: The document has no marked part, names an unknown table, or cannot be read.
-    """
-    try:
-        text = document.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{document}: cannot be read: {unreadable(error)}") from error
-    names = [match.group(1) for match in _PART.finditer(text)]
-    unknown = [name for name in names if _SUFFIX.sub("", name) not in TABLES]
-    if unknown or not names:
-        problem = f"names the unknown table {unknown[0]!r}" if unknown else "has no marked part"
-        raise InputError(f"{document} {problem}; a part is <!-- table vae --> … <!-- end of … -->")
-    finished = [name for name in names if (results / f"{name}.md").is_file()]
-    beside = document.parent / document.stem
-    beside.mkdir(exist_ok=True)
-
-    def page_of(part: re.Match[str]) -> str:
-        name = part.group(1)
-        if name not in finished:
-            return part.group(0)
-        for ending in (".json", ".svg"):
-            source = results / f"{name}{ending}"
-            if source.is_file():
-                shutil.copyfile(source, beside / source.name)
-        page = (results / f"{name}.md").read_text(encoding="utf-8")
-        page = page.replace(f"]({name}.svg)", f"]({beside.name}/{name}.svg)")
-        return f"<!-- table {name} -->\n{page}<!-- end of table {name} -->"
-
-    filled = _PART.sub(page_of, text)
-    with atomic_file(document) as temporary:
-        temporary.write_text(filled, encoding="utf-8")
-    return finished
 
 
 # Minutes of training on one core in the small budget: those of five layers, as measured on an AMD

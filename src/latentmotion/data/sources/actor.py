@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data.clip import Source, Split, mirror_words
+from latentmotion.data.clip import Split, mirror_words
 from latentmotion.data.recording import (
     SMPL_JOINTS,
     Dropped,
@@ -41,21 +41,14 @@ from latentmotion.data.recording import (
     PosedRecording,
     as_numbers,
 )
+from latentmotion.data.sources import OWNERS
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.kinematics.rotations import axis_angle_from_matrix, matrix_from_axis_angle
 from latentmotion.progress import counted
 from latentmotion.storage import pickles
 from latentmotion.storage.reading import read_text
 
-UESTC = Source(
-    name="uestc",
-    license="research only: the terms of the UESTC RGB-D database; poses are of the SMPL model",
-    credit=(
-        "Y. Ji et al.: A Large-scale RGB-D Database for Arbitrary-view Human Action Recognition, "
-        "ACM MM 2018; poses by VIBE, refined by M. Petrovich et al.: ACTOR, ICCV 2021"
-    ),
-    url="https://github.com/Mathux/ACTOR",
-)
+UESTC = OWNERS["uestc"]
 
 # 51 of the 118 subjects; the others are the test split.
 TRAIN_SUBJECTS = frozenset(
@@ -221,15 +214,7 @@ def _check_count(path: Path, what: str, values: Any, videos: int) -> None:
         raise FileFormatError(path, f"{what} of {len(values)} videos, {NAMES_FILE} has {videos}")
 
 
-HUMANACT12 = Source(
-    name="humanact12",
-    license="research only: the terms of HumanAct12 and of PHSPD; poses are of the SMPL model",
-    credit=(
-        "C. Guo et al.: Action2Motion, ACM MM 2020; S. Zou et al.: 3D Human Shape Reconstruction "
-        "from a Polarization Image, ECCV 2020; poses by M. Petrovich et al.: ACTOR, ICCV 2021"
-    ),
-    url="https://github.com/Mathux/ACTOR",
-)
+HUMANACT12 = OWNERS["humanact12"]
 
 # Its labels, in the order of their numbers; each is its own mirror image.
 ACTIONS = (

@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data import quality
-from latentmotion.data.clip import Source, Split, TaggedSentence, mirror_sentence
+from latentmotion.data.clip import Split, TaggedSentence, mirror_sentence
 from latentmotion.data.recording import (
     FPS,
     Dropped,
@@ -39,7 +39,7 @@ from latentmotion.data.recording import (
     joints_at,
 )
 from latentmotion.data.segments import pieces, touching
-from latentmotion.data.sources import LABELS
+from latentmotion.data.sources import LABELS, OWNERS
 from latentmotion.data.sources.humanml3d import (
     IndexRow,
     read_index,
@@ -53,19 +53,7 @@ from latentmotion.formats.bvh import read_bvh
 from latentmotion.progress import counted
 from latentmotion.storage.reading import read_json_file, read_text
 
-CMU = Source(
-    name="cmu",
-    license=(
-        "free for all uses; the data itself may not be resold, even converted; "
-        "captions: HumanML3D, MIT, (c) 2022 Chuan Guo; labels of exercises: BSD 2-clause, "
-        "(c) 2015 Mike Hughes; trials at 30 frames per second: Apache 2.0, SNU"
-    ),
-    credit=(
-        "The data used in this project was obtained from mocap.cs.cmu.edu. The database was "
-        "created with funding from NSF EIA-0196217."
-    ),
-    url="http://mocap.cs.cmu.edu",
-)
+CMU = OWNERS["cmu"]
 
 Value = TypeVar("Value")
 

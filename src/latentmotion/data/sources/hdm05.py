@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from latentmotion.data.clip import Source, Split, TaggedSentence, mirror_words
+from latentmotion.data.clip import Split, TaggedSentence, mirror_words
 from latentmotion.data.recording import (
     FPS,
     Dropped,
@@ -24,20 +24,12 @@ from latentmotion.data.recording import (
     in_groups,
     joints_at,
 )
-from latentmotion.data.sources import LABELS
+from latentmotion.data.sources import LABELS, OWNERS
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.progress import counted
 
-HDM05 = Source(
-    name="hdm05",
-    license="CC BY-SA 3.0 Unported",
-    credit=(
-        "M. Müller, T. Röder, M. Clausen, B. Eberhardt, B. Krüger, A. Weber: Documentation Mocap "
-        "Database HDM05, Universität Bonn, CG-2007-2"
-    ),
-    url="http://resources.mpi-inf.mpg.de/HDM05",
-)
+HDM05 = OWNERS["hdm05"]
 
 TEST_ACTOR = "tr"
 

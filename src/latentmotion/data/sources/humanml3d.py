@@ -33,6 +33,7 @@ from latentmotion.data.clip import (
     parse_sentences,
 )
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
+from latentmotion.data.sources import OWNERS
 from latentmotion.data.store import OFFICIAL_FEATURES, StoredNormalizer, stored_normalizer
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.progress import counted
@@ -42,25 +43,9 @@ from latentmotion.storage.reading import parse_json, read_table, read_text, unpa
 
 GET_IT = "get it from https://github.com/EricGuo5513/HumanML3D"
 
-HUMANML3D = Source(
-    name="humanml3d",
-    license=(
-        "captions: MIT, (c) 2022 Chuan Guo; motion: AMASS (non-commercial research) and "
-        "HumanAct12, their owners' terms"
-    ),
-    credit=(
-        "C. Guo et al.: Generating Diverse and Natural 3D Human Motions from Text, CVPR 2022; "
-        "N. Mahmood et al.: AMASS, ICCV 2019"
-    ),
-    url="https://github.com/EricGuo5513/HumanML3D",
-)
+HUMANML3D = OWNERS["humanml3d"]
 
-KIT = Source(
-    name="kit",
-    license="KIT Motion-Language dataset: its owners' terms",
-    credit="M. Plappert, C. Mandery, T. Asfour: The KIT Motion-Language Dataset, Big Data 2016",
-    url="https://motion-annotation.humanoids.kit.edu/dataset",
-)
+KIT = OWNERS["kit"]
 
 FEATURES = OFFICIAL_FEATURES
 

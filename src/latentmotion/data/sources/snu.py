@@ -36,11 +36,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data.clip import Source, Split, TaggedSentence, mirror_sentence
+from latentmotion.data.clip import Split, TaggedSentence, mirror_sentence
 from latentmotion.data.quality import find_glitch, without_t_poses
 from latentmotion.data.recording import FPS, Dropped, Label, Recording, files_below, joints_at
 from latentmotion.data.segments import LONGEST, pieces, touching
-from latentmotion.data.sources import LABELS
+from latentmotion.data.sources import LABELS, OWNERS
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh
@@ -48,12 +48,7 @@ from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.progress import counted
 from latentmotion.storage.reading import read_text
 
-SNU = Source(
-    name="snu",
-    license="Apache 2.0; martial arts: BSD 3-clause, (c) 2020 NCSOFT and SNU R&D Foundation",
-    credit="Movement Research Lab, Seoul National University",
-    url="https://github.com/snumrl",
-)
+SNU = OWNERS["snu"]
 
 STILL = 0.3  # Speed below which nothing moves in a take, not even a hand, m/s.
 # Meters by which two files of one take may differ on average; skeletons differ in the head.
