@@ -69,7 +69,7 @@ def test_humanact12_clips_may_keep_their_length(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ([1, 2], "expected poses, joints3D, y of humanact12poses.pkl, found list"),
+        ([1, 2], "expected poses, joints3D, y, found list"),
         ({"poses": [], "y": []}, "found poses, y"),
         ({"poses": [1], "joints3D": [], "y": [1]}, "1 and 0 and 1 clips"),
         ({"poses": [1], "joints3D": [1], "y": [12]}, "action 12; expected 0 to 11"),

@@ -78,21 +78,6 @@ def test_what_is_left_of_trials_without_val_and_test(data: CmuTrials) -> None:
     assert not pieces[0].sentences
 
 
-def test_a_rate_given_beats_the_known_one(tmp_path: Path, data: CmuTrials) -> None:
-    rates = tmp_path / "fps.json"
-    rates.write_text('{"05_18": 60}')
-    data = CmuTrials.load(tmp_path / "raw", tmp_path / "h3d", rates)
-    cut = by_id(data.recordings())["000002"]
-    np.testing.assert_allclose(cut.joints, trials()["05_18"].joints()[::3][20:60], atol=1e-5)
-
-
-@pytest.mark.parametrize("text", ["[1, 2]", "{", '{"05_18": "fast"}', '{"05_18": 0}'])
-def test_wrong_rates(tmp_path: Path, data: CmuTrials, text: str) -> None:
-    (tmp_path / "fps.json").write_text(text)
-    with pytest.raises(DataError, match="expected frames per second by trial"):
-        CmuTrials.load(tmp_path / "raw", tmp_path / "h3d", tmp_path / "fps.json")
-
-
 @pytest.mark.parametrize(
     ("remove", "message"),
     [("index.csv", "lacks index.csv"), ("texts", "found neither"), ("val.txt", "lacks val.txt")],

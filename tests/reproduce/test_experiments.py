@@ -32,7 +32,6 @@ from latentmotion.reproduce.markdown import (
     RowResult,
     TableResult,
     cell,
-    fill,
     markdown,
     minutes,
     overview,
@@ -330,23 +329,6 @@ def test_the_list_tells_rows_and_minutes() -> None:
     assert minutes([Row("one", "One", model="mld_1")]) < minutes(TABLES["text"].rows)
     assert "mld_10" in rows_of(TABLES["vae"]) and "table 4" in rows_of(TABLES["vae"])
     assert Model("x").raw is False
-
-
-def test_a_document_is_filled_with_what_was_run(tmp_path: Path) -> None:
-    results, document = tmp_path / "out", tmp_path / "results.md"
-    results.mkdir()
-    (results / "steps.md").write_text("| new |\n\n![Steps](steps.svg)\n")
-    (results / "steps.svg").write_bytes(b"plot")
-    parts = [f"<!-- table {n} -->\nold {n}\n<!-- end of table {n} -->" for n in ("steps", "vae")]
-    document.write_text("\n\n".join(["# Results", *parts]))
-    assert fill(document, results) == ["steps"]
-    assert fill(document, results) == ["steps"]
-    text = document.read_text()
-    assert "![Steps](results/steps.svg)" in text and "old vae" in text and "old steps" not in text
-    assert (tmp_path / "results" / "steps.svg").read_bytes() == b"plot"
-    document.write_text("<!-- table vea -->\n<!-- end of table vea -->")
-    with pytest.raises(InputError, match="unknown table 'vea'"):
-        fill(document, results)
 
 
 def test_the_command_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

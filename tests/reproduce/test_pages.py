@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from latentmotion.errors import InputError
 from latentmotion.reproduce.budget import BUDGETS, MODELS, PAPER, SMALL, budget_named
 from latentmotion.reproduce.markdown import (
     MINUTES,
@@ -14,7 +11,6 @@ from latentmotion.reproduce.markdown import (
     RowResult,
     TableResult,
     cell,
-    fill,
     markdown,
     minutes,
     number,
@@ -134,42 +130,6 @@ def test_notes_stand_once_and_warnings_with_their_rows() -> None:
     for note in ("* Few motions.", "* Half steps.", "* Warning for one, two: NaN"):
         assert text.count(note) == 1
     assert text.index("Few motions") < text.index("Half steps") < text.index("Warning")
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("# No table at all\n", "has no marked part; a part is <!-- table vae -->"),
-        ("<!-- table vae -->\nunfinished\n", "has no marked part"),
-        ("<!-- table vae -->\n<!-- end of table text -->", "has no marked part"),
-        ("<!-- table nope -->\n<!-- end of table nope -->", "names the unknown table 'nope'"),
-    ],
-)
-def test_documents_without_places_stay_as_they_are(text: str, message: str, tmp_path: Path) -> None:
-    document = tmp_path / "page.md"
-    document.write_text(text)
-    with pytest.raises(InputError, match=message):
-        fill(document, tmp_path)
-    assert document.read_text() == text and list(tmp_path.iterdir()) == [document]
-
-
-def test_a_document_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.md: cannot be read: No such file"):
-        fill(tmp_path / "none.md", tmp_path)
-
-
-def test_all_around_a_filled_part_stays(tmp_path: Path) -> None:
-    document, results = tmp_path / "page.md", tmp_path / "out"
-    results.mkdir()
-    (results / "vae.md").write_text("new\n")
-    (results / "vae.json").write_text("{}")
-    part = "<!-- table vae -->\nold\n<!-- end of table vae -->"
-    document.write_text(f"before \\1\n{part}\nbetween\n{part}\nafter\n")
-    assert fill(document, results) == ["vae", "vae"]
-    assert document.read_text() == f"before \\1\n{part}\nbetween\n{part}\nafter\n".replace(
-        "old", "new"
-    )
-    assert (tmp_path / "page" / "vae.json").read_text() == "{}"
 
 
 # Lists

@@ -177,16 +177,14 @@ class PrepareCmu(_PrepareInParts):
     """Folder of CMU trials, ASF/AMC or BVH, nested in any way."""
     humanml3d: Path
     """Folder with HumanML3D's index.csv, texts (or texts.json.xz), train.txt, val.txt, test.txt."""
-    fps: Path | None = None
-    """JSON file of native frames per second by trial, for trials whose rate is not known yet."""
     uncaptioned: bool = False
     """Also keep the parts of each trial that the index leaves out, without captions, for training a
     VAE."""
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        data = cmu.CmuTrials.load(self.trials, self.humanml3d, self.fps)
-        tables = to_json([data.rates, data.rows, data.splits, data.texts, data.exercises])
+        data = cmu.CmuTrials.load(self.trials, self.humanml3d)
+        tables = to_json([data.rows, data.splits, data.texts, data.exercises])
         digest = hashlib.sha256(json.dumps(tables).encode()).hexdigest()
         settings = {"source": "cmu", "uncaptioned": self.uncaptioned, "annotations": digest}
         notes = (

@@ -201,10 +201,11 @@ class Placeholder:
         """Ignores all arguments."""
         return super().__new__(cls)
 
-    def _ignore(self, *_: Any) -> Placeholder:
+    def __call__(self, *_: Any) -> Placeholder:
+        """Ignores all arguments."""
         return self
 
-    __call__ = __setstate__ = __setitem__ = append = extend = add = _ignore
+    __setstate__ = __setitem__ = append = extend = add = __call__
 
 
 def read_with_placeholders(path: Path) -> Any:

@@ -30,40 +30,6 @@ MAX_BATCH_SIZE = 32  # Motions that a VAE reconstructs in one batch.
 
 
 @runtime_checkable
-class Candidate(Protocol):
-    """A model that is evaluated."""
-
-    @property
-    def card(self) -> ModelCard:
-        """The model's card."""
-        ...
-
-    @property
-    def row(self) -> str:
-        """Name of its row in the report."""
-        ...
-
-    @property
-    def weights(self) -> str:
-        """Hash of its files; empty if it does not come from a folder."""
-        ...
-
-    @property
-    def reconstructs(self) -> bool:
-        """Whether its input is the real motion."""
-        ...
-
-    @property
-    def prompted(self) -> bool:
-        """Whether its motions depend on the test prompts, so that their match can be measured."""
-        ...
-
-    def __call__(self, replication: Replication, protocol: EvaluationProtocol) -> Motions:
-        """Returns one motion per test prompt."""
-        ...
-
-
-@runtime_checkable
 class EvaluatedGenerator(Protocol):
     """The part of `MotionPipeline` that an evaluation uses."""
 
@@ -86,7 +52,7 @@ class Generated:
     sampling: Sampling | None = None
     weights: str = ""  # Hash of its files.
     row: str = "generated"  # Name of its row in the report.
-    reconstructs = False
+    reconstructs = False  # Whether its input is the real motion.
 
     @property
     def card(self) -> ModelCard:
@@ -180,3 +146,6 @@ class Prior:
         """Returns one motion per length."""
         seeds = protocol.seeds("motions", replication.number, len(replication.prompts))
         return self.prior.features(replication.frames, seeds)
+
+
+Candidate = Generated | Reconstructed | Prior  # A model that is evaluated.

@@ -150,13 +150,6 @@ def pa_errors(
     return np.linalg.norm(laid - q, axis=-1).mean(axis=-1)
 
 
-def pa_mpjpe(
-    predicted: Float[np.ndarray, "frames joints 3"], true: Float[np.ndarray, "frames joints 3"]
-) -> float:
-    """Returns the mean joint error after alignment in millimeters, for joints in meters."""
-    return 1000 * float(pa_errors(predicted, true).mean())
-
-
 def _centered(joints: Float[np.ndarray, "*frames joints 3"]) -> Float[np.ndarray, "*frames _ 3"]:
     joints = np.asarray(joints, np.float64)
     return joints - joints.mean(axis=-2, keepdims=True)
@@ -168,14 +161,6 @@ def acceleration_errors(
     """Returns the mean joint error of each frame but two, in the unit of the joints."""
     apart = np.asarray(predicted, np.float64) - np.asarray(true, np.float64)
     return np.linalg.norm(np.diff(apart, n=2, axis=0), axis=-1).mean(axis=-1)
-
-
-def accl(
-    predicted: Float[np.ndarray, "frames joints 3"], true: Float[np.ndarray, "frames joints 3"]
-) -> float:
-    """Returns the mean error in mm/frame², for joints in meters; 0 for fewer than three frames."""
-    errors = acceleration_errors(predicted, true)
-    return 1000 * float(errors.mean()) if len(errors) else 0.0
 
 
 Parts = Mapping[str, Float[np.ndarray, "frames points axes"]]

@@ -23,7 +23,7 @@ import json
 import logging
 import tempfile
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -70,7 +70,20 @@ def export_denoiser(
     A distilled one has two more inputs, guidance and step_size.
     """
     further = denoiser.further_inputs
-    graph = _StudentGraph(denoiser) if further else _DenoiserGraph(denoiser)
+
+    def prediction(
+        z: Tensor,
+        t: Tensor,
+        words: Tensor,
+        words_mask: Tensor,
+        mask: Tensor,
+        guidance: Tensor | None = None,
+        step_size: Tensor | None = None,
+    ) -> Tensor:
+        distilled = guidance is not None and step_size is not None
+        step_condition = StepCondition(guidance, step_size) if distilled else None
+        return denoiser(z, t, Conditioning(words, words_mask), mask, step_condition)
+
     inputs = {
         "z": torch.randn(_BATCH, _TOKENS, latent_width),
         "t": torch.rand(_BATCH),
@@ -78,7 +91,7 @@ def export_denoiser(
         "mask": torch.ones(_BATCH, _TOKENS, dtype=torch.bool),
         **{name: torch.rand(_BATCH) for name in further},
     }
-    trace(graph, inputs, path)
+    trace(FunctionModule(prediction, denoiser=denoiser), inputs, path)
 
 
 def export_decoder(vae: MotionVAE, frames_per_token: int | None, path: Path) -> None:
@@ -87,7 +100,7 @@ def export_decoder(vae: MotionVAE, frames_per_token: int | None, path: Path) -> 
         "latents": torch.randn(_BATCH, _TOKENS, vae.latent_width),
         "mask": _frames(frames_per_token),
     }
-    trace(_DecoderGraph(vae), inputs, path)
+    trace(FunctionModule(lambda latents, mask: vae.decode(latents, mask), vae=vae), inputs, path)
 
 
 def export_encoder(vae: MotionVAE, features: int, path: Path) -> None:
@@ -100,7 +113,8 @@ def export_encoder(vae: MotionVAE, features: int, path: Path) -> None:
     """
     mask = _frames(None)
     inputs = {"features": torch.randn(*mask.shape, features), "mask": mask}
-    trace(_EncoderGraph(vae), inputs, path)
+    mean = FunctionModule(lambda features, mask: vae.encode(features, mask).mean, vae=vae)
+    trace(mean, inputs, path)
 
 
 def export_pullback(vae: MotionVAE, path: Path) -> None:
@@ -206,58 +220,6 @@ class _Scale(nn.Module):
         return Scale(self.mean, self.std)
 
 
-class _DenoiserGraph(nn.Module):
-    """The denoiser with plain tensors as inputs."""
-
-    def __init__(self, denoiser: nn.Module) -> None:
-        super().__init__()
-        self.denoiser = denoiser
-
-    def forward(
-        self, z: Tensor, t: Tensor, words: Tensor, words_mask: Tensor, mask: Tensor
-    ) -> Tensor:
-        return self.denoiser(z, t, Conditioning(words, words_mask), mask)
-
-
-class _StudentGraph(_DenoiserGraph):
-    """A distilled denoiser with plain tensors as inputs."""
-
-    def forward(  # one graph has two inputs more
-        self,
-        z: Tensor,
-        t: Tensor,
-        words: Tensor,
-        words_mask: Tensor,
-        mask: Tensor,
-        guidance: Tensor,
-        step_size: Tensor,
-    ) -> Tensor:
-        step_condition = StepCondition(guidance, step_size)
-        return self.denoiser(z, t, Conditioning(words, words_mask), mask, step_condition)
-
-
-class _EncoderGraph(nn.Module):
-    """The encoder of a VAE, without the deviation of its posterior."""
-
-    def __init__(self, vae: MotionVAE) -> None:
-        super().__init__()
-        self.vae = vae
-
-    def forward(self, features: Tensor, mask: Tensor) -> Tensor:
-        return self.vae.encode(features, mask).mean
-
-
-class _DecoderGraph(nn.Module):
-    """The decoder of a VAE with plain tensors as inputs."""
-
-    def __init__(self, vae: MotionVAE) -> None:
-        super().__init__()
-        self.vae = vae
-
-    def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
-        return self.vae.decode(latents, mask)
-
-
 def _condition(width: int) -> dict[str, Tensor]:
     real = torch.ones(_BATCH, _WORDS, dtype=torch.bool)
     return {"words": torch.randn(_BATCH, _WORDS, width), "words_mask": real}
@@ -265,6 +227,21 @@ def _condition(width: int) -> dict[str, Tensor]:
 
 def _frames(per_token: int | None) -> Tensor:
     return torch.ones(_BATCH, _TOKENS * (per_token or 4), dtype=torch.bool)
+
+
+class FunctionModule(nn.Module):
+    """A function of networks as a module, which is all that the exporter takes.
+
+    Args:
+        forward: The function; its arguments are the inputs of the graph.
+        networks: The networks that it calls, by the names under which the graph has their weights.
+    """
+
+    def __init__(self, forward: Callable[..., Any], **networks: nn.Module) -> None:
+        super().__init__()
+        self.forward = forward
+        for name, network in networks.items():
+            self.add_module(name, network)
 
 
 def trace(

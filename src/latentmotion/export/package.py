@@ -36,7 +36,13 @@ from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.session import PULLBACK_FILE, fused_sampler_file, open_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export import onnx as graphs
-from latentmotion.export.onnx import Weights, quantize, share_weights, trace
+from latentmotion.export.onnx import (
+    FunctionModule,
+    Weights,
+    quantize,
+    share_weights,
+    trace,
+)
 from latentmotion.model import card as cards
 from latentmotion.model.card import (
     RIGHTS_IN_MOTIONS,
@@ -47,7 +53,7 @@ from latentmotion.model.card import (
 )
 from latentmotion.networks import checkpoint
 from latentmotion.networks.checkpoint import FirstStageModel
-from latentmotion.networks.pretrained_text import PretrainedTextEncoder, Read
+from latentmotion.networks.pretrained_text import PretrainedTextEncoder
 from latentmotion.networks.text_encoder import StudentNetwork, pack, packed
 from latentmotion.networks.vae.interface import fingerprint
 from latentmotion.progress import counted
@@ -362,21 +368,13 @@ def export_pretrained(encoder: PretrainedTextEncoder, folder: Path) -> None:
         )
     with atomic_file(folder / TOKENIZER_FILE) as temporary:
         tokenizer.save(str(temporary), pretty=False)
-    network = _ReadNetwork(encoder.model, encoder.kind.read)
-    write_graph(network, {"name": encoder.name}, folder / TEXT_GRAPH_FILE)
 
-
-class _ReadNetwork(nn.Module):
-    """A pretrained network with the reading of its states: tokens, mask → pooled, words."""
-
-    def __init__(self, network: nn.Module, read: Read) -> None:
-        super().__init__()
-        self.network = network
-        self.read = read
-
-    def forward(self, tokens: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-        reading = self.read(self.network, tokens, mask)
+    def read(tokens: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+        reading = encoder.kind.read(encoder.model, tokens, mask)
         return reading.pooled, reading.words
+
+    network = FunctionModule(read, network=encoder.model)
+    write_graph(network, {"name": encoder.name}, folder / TEXT_GRAPH_FILE)
 
 
 _INPUTS = {

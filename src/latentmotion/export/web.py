@@ -20,18 +20,17 @@ import onnx
 import torch
 from onnx import ModelProto, TensorProto, compose, helper, numpy_helper, parser
 from tokenizers import Tokenizer
-from torch import Tensor, nn
+from torch import Tensor
 
 from latentmotion.condition import SentenceCondition, TextConditioning, TextEmbedding
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import representation_of
 from latentmotion.engine.session import fused_sampler_file, open_session
 from latentmotion.errors import ModelError
-from latentmotion.export.onnx import Weights, anonymous, scaled_rows, trace
+from latentmotion.export.onnx import FunctionModule, Weights, anonymous, scaled_rows, trace
 from latentmotion.model import card as cards
 from latentmotion.model.card import RIGHTS_IN_MOTIONS
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.representation.interface import Representation
 from latentmotion.storage.files import atomic_folder
 from latentmotion.text.lengths import QUANTILES, SHORTEST_USUAL, LengthModel
 
@@ -120,7 +119,8 @@ def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:
         representation = representation_of(card)
         example = {"features": torch.randn(1, 9, representation.width)}
         joints_graph = Path(temporary) / "joints.onnx"
-        trace(_Joints(representation), example, joints_graph, ("joints",), free={"features": (1,)})
+        decode = FunctionModule(lambda features: representation.decode(features))
+        trace(decode, example, joints_graph, ("joints",), free={"features": (1,)})
         joints = onnx.load(joints_graph)
         for steps in pipeline.backend.fused:
             fused = onnx.load(source / fused_sampler_file(steps))
@@ -171,29 +171,6 @@ def joints_error(pipeline: MotionPipeline, folder: Path, steps: int) -> float:
     return float(np.linalg.norm(actual[0] - expected.joints, axis=-1).max())
 
 
-class _Reading(nn.Module):
-    """Embedding of a sentence, as the denoiser reads it."""
-
-    def __init__(self, conditioning: TextConditioning) -> None:
-        super().__init__()
-        self.conditioning = conditioning
-
-    def forward(self, pooled: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-        conditioning = self.conditioning(TextEmbedding(pooled, words, mask))
-        return conditioning.tokens, conditioning.mask
-
-
-class _Joints(nn.Module):
-    """Features to joints."""
-
-    def __init__(self, representation: Representation) -> None:
-        super().__init__()
-        self.representation = representation
-
-    def forward(self, features: Tensor) -> Tensor:
-        return self.representation.decode(features)
-
-
 def _seen_prompt(pipeline: MotionPipeline, text: ModelProto | None, folder: Path) -> SeenPrompt:
     """Returns the parts of a graph that lead from tokens to what the denoiser sees of a prompt."""
     condition = pipeline.condition
@@ -221,7 +198,13 @@ def _traced_reading(conditioning: TextConditioning, text: ModelProto, folder: Pa
         "mask": torch.ones(1, pieces, dtype=torch.bool),
     }
     free = {"pooled": (), "words": (1,), "mask": (1,)}
-    trace(_Reading(conditioning), example, folder / "r.onnx", ("seen", "seen_mask"), free=free)
+
+    def reading(pooled: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+        seen = conditioning(TextEmbedding(pooled, words, mask))
+        return seen.tokens, seen.mask
+
+    names = ("seen", "seen_mask")
+    trace(FunctionModule(reading), example, folder / "r.onnx", names, free=free)
     return onnx.load(folder / "r.onnx")
 
 

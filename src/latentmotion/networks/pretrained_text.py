@@ -114,6 +114,9 @@ def _file(source: str, name: str) -> Path | None:
 
 AT_ONCE = 64  # Sentences that go through a network together.
 
+Tokens = Int[torch.Tensor, "batch words"]  # Numbers of word pieces.
+Mask = Bool[torch.Tensor, "batch words"]  # True on real pieces.
+
 
 @dataclass(frozen=True)
 class EncodedSentences:
@@ -121,59 +124,47 @@ class EncodedSentences:
 
     pooled: Float[torch.Tensor, "batch width"]
     words: Float[torch.Tensor, "batch words width"]
-    mask: Bool[torch.Tensor, "batch words"]  # True on the words that a denoiser may see.
+    mask: Mask  # True on the words that a denoiser may see.
 
 
 Read = Callable[[Any, Any, Any], EncodedSentences]
 
 
 def mean_of_words(
-    words: Float[torch.Tensor, "batch words width"], mask: Bool[torch.Tensor, "batch words"]
+    words: Float[torch.Tensor, "batch words width"], mask: Mask
 ) -> Float[torch.Tensor, "batch width"]:
     """Returns the mean over the real words."""
     weights = mask[..., None].to(words.dtype)
     return (words * weights).sum(1) / weights.sum(1)
 
 
-def read_mean(
-    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
-) -> EncodedSentences:
+def read_mean(model: Any, tokens: Tokens, mask: Mask) -> EncodedSentences:
     """Last states and their mean (DistilBERT, T5)."""
     words = model(input_ids=tokens, attention_mask=mask.long()).last_hidden_state
     return EncodedSentences(mean_of_words(words, mask), words * mask[..., None], mask)
 
 
-def read_minilm(
-    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
-) -> EncodedSentences:
+def read_minilm(model: Any, tokens: Tokens, mask: Mask) -> EncodedSentences:
     """Last states and their mean at unit length, as sentence-transformers does."""
     reading = read_mean(model, tokens, mask)
     pooled = torch.nn.functional.normalize(reading.pooled, dim=-1)
     return EncodedSentences(pooled, reading.words, mask)
 
 
-def read_sentence_t5(
-    model: SentenceT5,
-    tokens: Int[torch.Tensor, "batch words"],
-    mask: Bool[torch.Tensor, "batch words"],
-) -> EncodedSentences:
+def read_sentence_t5(model: SentenceT5, tokens: Tokens, mask: Mask) -> EncodedSentences:
     """States after the dense layer, and their mean at unit length."""
     words = model(tokens, mask.long())
     pooled = torch.nn.functional.normalize(mean_of_words(words, mask), dim=-1)
     return EncodedSentences(pooled, words * mask[..., None], mask)
 
 
-def read_clip(
-    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
-) -> EncodedSentences:
+def read_clip(model: Any, tokens: Tokens, mask: Mask) -> EncodedSentences:
     """CLIP's text features; no attention mask is needed, since its attention is causal."""
     words = model.text_model(input_ids=tokens).last_hidden_state
     return EncodedSentences(_clip_features(model, tokens), words * mask[..., None], mask)
 
 
-def read_clip_hidden(
-    model: Any, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
-) -> EncodedSentences:
+def read_clip_hidden(model: Any, tokens: Tokens, mask: Mask) -> EncodedSentences:
     """CLIP's states at all places, padding included, as MLD's `last_hidden_state` gives them."""
     words = model.text_model(input_ids=tokens).last_hidden_state
     return EncodedSentences(_clip_features(model, tokens), words, torch.ones_like(mask))

@@ -318,10 +318,10 @@ SENTENCES_PER_FILE = 512  # Sentences per file of a data set.
 
 
 @dataclass(frozen=True, eq=False)
-class _Cached:
-    """An encoder with a cache looks like the encoder inside."""
+class AroundEncoder:
+    """What is put around a text encoder has its name and width."""
 
-    encoder: TextEncoder  # The encoder inside; not used for known sentences.
+    encoder: TextEncoder  # The encoder inside.
 
     @property
     def name(self) -> str:
@@ -339,7 +339,7 @@ class _Cached:
 
 
 @dataclass(frozen=True, eq=False)
-class MemoryCachedTextEncoder(_Cached):
+class MemoryCachedTextEncoder(AroundEncoder):
     """A text encoder that keeps embeddings in memory; threads may share it.
 
     New ones of a batch are read together; an embedding does not depend on the company.
@@ -370,7 +370,7 @@ class MemoryCachedTextEncoder(_Cached):
 
 
 @dataclass(frozen=True, eq=False)
-class CachedTextEncoder(_Cached):
+class CachedTextEncoder(AroundEncoder):
     """A text encoder with a cache; its embeddings are those of the encoder inside.
 
     Without `max_prompts` the cache is that of a data set: files of many sentences, all of which

@@ -24,7 +24,7 @@ There is one split, `train`, on which its models are measured too.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -191,27 +191,34 @@ def _read_files(folder: Path) -> tuple[list[list[str]], Mapping[str, Any], Any]:
             texts.append(read_text(path).splitlines())
         except FileFormatError as error:
             raise DataError(f"{error}; it cannot be read as text: download it again") from error
-    path, videos = folder / POSES, len(texts[0])
-    poses = pickles.load(path)
-    if not isinstance(poses, Mapping) or any(key not in poses for key in _KEYS):
-        is_mapping = isinstance(poses, Mapping)
-        keys = ", ".join(map(str, poses)) if is_mapping else type(poses).__name__
-        raise FileFormatError(path, f"expected {', '.join(_KEYS)}, found {keys}")
-    for key in _KEYS:
-        _check_count(path, key, poses[key], videos)
+    poses, videos = _lists(folder / POSES, _KEYS), len(texts[0])
     path = folder / SHIFTS
-    if not path.is_file():
-        return texts, poses, None
-    shifts = pickles.load(path)
-    _check_count(path, "shifts", shifts, videos)
+    shifts = pickles.load(path) if path.is_file() else None
+    if shifts is not None:
+        _check_list(path, "shifts", shifts)
+        poses = {**poses, "shifts": shifts}
+    for key, values in poses.items():
+        if len(values) != videos:
+            problem = f"{key} of {len(values)} videos, {NAMES_FILE} has {videos}"
+            raise FileFormatError(path if key == "shifts" else folder / POSES, problem)
     return texts, poses, shifts
 
 
-def _check_count(path: Path, what: str, values: Any, videos: int) -> None:
+def _lists(path: Path, keys: Sequence[str]) -> dict[str, Any]:
+    """Reads a pickled dictionary of lists, an entry of each for every clip."""
+    content = pickles.load(path)
+    if not isinstance(content, Mapping) or any(key not in content for key in keys):
+        is_mapping = isinstance(content, Mapping)
+        actual = ", ".join(map(str, content)) if is_mapping else type(content).__name__
+        raise FileFormatError(path, f"expected {', '.join(keys)}, found {actual}")
+    for key in keys:
+        _check_list(path, key, content[key])
+    return {key: content[key] for key in keys}
+
+
+def _check_list(path: Path, what: str, values: Any) -> None:
     if not (isinstance(values, list | tuple) or (isinstance(values, np.ndarray) and values.ndim)):
         raise FileFormatError(path, f"{what} are a {type(values).__name__}, expected a list")
-    if len(values) != videos:
-        raise FileFormatError(path, f"{what} of {len(values)} videos, {NAMES_FILE} has {videos}")
 
 
 HUMANACT12 = OWNERS["humanact12"]
@@ -235,19 +242,7 @@ def humanact12_recordings(path: Path, hold: int) -> Iterator[EncodedRecording | 
     Raises:
         FileFormatError: The file cannot be read, or is laid out otherwise.
     """
-    content = pickles.load(path)
-    if not isinstance(content, Mapping) or any(key not in content for key in _NEEDED):
-        is_mapping = isinstance(content, Mapping)
-        actual = ", ".join(map(str, content)) if is_mapping else type(content).__name__
-        raise FileFormatError(
-            path, f"expected {', '.join(_NEEDED)} of humanact12poses.pkl, found {actual}"
-        )
-    for key in _NEEDED:
-        values = content[key]
-        is_array = isinstance(values, np.ndarray) and values.ndim > 0
-        if not (is_array or isinstance(values, list | tuple)):
-            actual = type(values).__name__
-            raise FileFormatError(path, f"{key} is a {actual}, expected a list by clip")
+    content = _lists(path, _NEEDED)
     counts = [len(content[key]) for key in _NEEDED]
     if len(set(counts)) > 1:
         raise FileFormatError(path, f"{' and '.join(map(str, counts))} clips; expected as many")

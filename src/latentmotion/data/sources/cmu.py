@@ -51,7 +51,7 @@ from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh
 from latentmotion.progress import counted
-from latentmotion.storage.reading import read_json_file, read_text
+from latentmotion.storage.reading import read_text
 
 CMU = OWNERS["cmu"]
 
@@ -76,7 +76,6 @@ class CmuTrials:
     """CMU trials on disk and HumanML3D's annotations of them."""
 
     paths: Mapping[str, Path]  # File of each trial, by name (`05_18`).
-    rates: Mapping[str, float]  # Frame rates that differ from the known ones.
     # HumanML3D's clips of each trial, also of trials that are not on disk.
     rows: Mapping[str, Sequence[IndexRow]]
     splits: Mapping[str, Split]  # Split of each id.
@@ -85,20 +84,18 @@ class CmuTrials:
     exercises: Mapping[str, Sequence[tuple[int, int, str]]]
 
     @classmethod
-    def load(cls, trials: Path, humanml3d: Path, rates: Path | None = None) -> CmuTrials:
+    def load(cls, trials: Path, humanml3d: Path) -> CmuTrials:
         """Finds the trials below a folder and reads HumanML3D's captions.
 
         Args:
             trials: Folder of AMC and ASF files, BVH files, or both; any nesting.
             humanml3d: Folder of captions, splits and index.
-            rates: JSON of frames per second by trial; without it the known rates count.
 
         Raises:
             DataError: A folder or file is missing or wrong.
         """
         return cls(
             paths=find_trials(trials),
-            rates=read_rates(rates) if rates else {},
             rows=rows_by_trial(humanml3d),
             splits=read_splits(humanml3d),
             texts=read_texts(humanml3d),
@@ -124,7 +121,7 @@ class CmuTrials:
             if not rows and not uncaptioned:
                 continue
             try:
-                joints = trial_joints(trial, self.paths[trial], self.rates.get(trial))
+                joints = trial_joints(trial, self.paths[trial])
             except (FileFormatError, DataError) as error:
                 yield Dropped(trial, "clip", str(error))
                 continue
@@ -148,7 +145,6 @@ class CmuTrials:
             ids = [row.id for of_trial in rows.values() for row in of_trial]
             some = CmuTrials(
                 paths=_only(self.paths, trials),
-                rates=_only(self.rates, trials),
                 rows=rows,
                 splits=_only(self.splits, ids),
                 texts=_only(self.texts, [name for trial in ids for name in (trial, f"M{trial}")]),
@@ -252,50 +248,27 @@ def native_fps(trial: str) -> float:
     return SLOW_RATE if is_slow else USUAL_RATE
 
 
-def trial_joints(
-    trial: str, path: Path, rate: float | None = None
-) -> Float[np.ndarray, "frames joints 3"]:
+def trial_joints(trial: str, path: Path) -> Float[np.ndarray, "frames joints 3"]:
     """Reads a trial at 20 frames per second, without a T-pose that a conversion put before it.
+
+    A BVH file is believed if it states another rate than the 120 that all conversions claim.
 
     Args:
         trial: Name of the trial, such as `05_18`.
         path: File of the trial.
-        rate: Native frames per second. By default what the file says if it is another rate than
-            the 120 that all conversions claim, else the known one of the trial.
 
     Raises:
         FileFormatError: The file is damaged.
         DataError: The skeleton is unknown, or the rate too low.
     """
     if path.suffix.lower() == ".amc":
-        return joints_at(read_asf_amc(path), FPS, rate or native_fps(trial))
+        return joints_at(read_asf_amc(path), FPS, native_fps(trial))
     animation = read_bvh(path)
-    native = rate or (native_fps(trial) if animation.fps == _STATED_RATE else animation.fps)
+    native = native_fps(trial) if animation.fps == _STATED_RATE else animation.fps
     if not quality.begins_with_t_pose(animation):
         return joints_at(animation, FPS, native)
     joints = joints_at(every(animation, step=1, start=1), FPS, native)
     return quality.without_blend(joints, native, FPS) if quality.is_blended(animation) else joints
-
-
-def read_rates(path: Path) -> dict[str, float]:
-    """Reads frames per second by trial from a JSON file.
-
-    Raises:
-        DataError: The file is missing or holds something else.
-    """
-    expected = 'expected frames per second by trial, such as {"05_18": 120}'
-    try:
-        rates = read_json_file(path)
-        checked = {}
-        for trial, rate in rates.items():
-            if isinstance(rate, bool) or not 1 <= rate <= 1000:
-                raise ValueError(f"a rate of {rate}")
-            checked[trial] = float(rate)
-        return checked
-    except FileFormatError as error:
-        raise DataError(f"{error}; {expected}") from error
-    except (ValueError, TypeError, AttributeError) as error:
-        raise DataError(f"{path}: {expected}, found something else ({error})") from error
 
 
 def read_exercises(folder: Path, fps: int) -> dict[str, list[tuple[int, int, str]]]:

@@ -22,7 +22,7 @@ import torch
 from jaxtyping import Float
 from onnx import helper, numpy_helper
 from safetensors.torch import save_file
-from torch import Tensor, nn
+from torch import Tensor
 
 from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import Caption
@@ -37,7 +37,7 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
     TowerNetworks,
 )
 from latentmotion.evaluation.evaluators.words import EncodedWords, GloveWords, WordVectors
-from latentmotion.export.onnx import FEWEST, trace
+from latentmotion.export.onnx import FEWEST, FunctionModule, trace
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, Provenance
 from latentmotion.networks.checkpoint import load_weights, read_weights
 from latentmotion.ranking import scorer as scorers
@@ -268,10 +268,19 @@ def export_scorer(
         write_json(temporary / scorers.CARD_FILE, about)
         frames = torch.ones(2, 28, dtype=torch.bool)
         features = torch.randn(2, 28, networks.config.features)
-        motions = _MotionGraph(networks, evaluator)
-        trace(motions, {"features": features, "mask": frames}, temporary / scorers.MOTION_FILE)
+        mean, std = (torch.tensor(v) for v in (evaluator.normalizer.mean, evaluator.normalizer.std))
+
+        def motion_tower(features: Tensor, mask: Tensor) -> Tensor:
+            """The motion tower, from features in their own units."""
+            return networks.motions((features - mean) / std * mask[..., None], mask)
+
+        towers = FunctionModule(motion_tower, networks=networks)
+        trace(towers, {"features": features, "mask": frames}, temporary / scorers.MOTION_FILE)
         states, mask = torch.randn(2, 7, words.width), torch.ones(2, 7, dtype=torch.bool)
-        trace(_TextGraph(networks), {"words": states, "mask": mask}, temporary / scorers.TEXT_FILE)
+        text_tower = FunctionModule(
+            lambda words, mask: networks.texts(words, mask.long(), mask), networks=networks
+        )
+        trace(text_tower, {"words": states, "mask": mask}, temporary / scorers.TEXT_FILE)
         for graph in (scorers.MOTION_FILE, scorers.TEXT_FILE):
             halve_weights(temporary / graph)
         if data is not None:
@@ -295,31 +304,3 @@ def halve_weights(graph: Path) -> None:
     del model.graph.node[:]
     model.graph.node.extend(copies)
     graph.write_bytes(model.SerializeToString())
-
-
-class _MotionGraph(nn.Module):
-    """The motion tower, from features in their own units."""
-
-    mean: Tensor
-    std: Tensor
-
-    def __init__(self, networks: TowerNetworks, evaluator: T2MEvaluator) -> None:
-        super().__init__()
-        self.networks = networks
-        self.register_buffer("mean", torch.tensor(evaluator.normalizer.mean))
-        self.register_buffer("std", torch.tensor(evaluator.normalizer.std))
-
-    def forward(self, features: Tensor, mask: Tensor) -> Tensor:
-        normalized = (features - self.mean) / self.std
-        return self.networks.motions(normalized * mask[..., None], mask)
-
-
-class _TextGraph(nn.Module):
-    """The text tower."""
-
-    def __init__(self, networks: TowerNetworks) -> None:
-        super().__init__()
-        self.networks = networks
-
-    def forward(self, words: Tensor, mask: Tensor) -> Tensor:
-        return self.networks.texts(words, mask.long(), mask)

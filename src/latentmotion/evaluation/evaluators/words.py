@@ -19,12 +19,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import Caption
 from latentmotion.errors import FileFormatError, ModelError
 from latentmotion.storage import pickles
 from latentmotion.storage.array_files import read_array
-from latentmotion.text.encoder import silent_of_unknown
+from latentmotion.text.encoder import AroundEncoder, silent_of_unknown
 
 MAX_WORDS = 20  # Most words of a sentence.
 
@@ -170,20 +169,8 @@ class GloveWords:
 
 
 @dataclass(frozen=True, eq=False)
-class EncodedWords:
+class EncodedWords(AroundEncoder):
     """States of a text encoder's word pieces in their sentence; no parts of speech."""
-
-    encoder: TextEncoder  # Sentences to states.
-
-    @property
-    def name(self) -> str:
-        """The encoder's name."""
-        return self.encoder.name
-
-    @property
-    def width(self) -> int:
-        """Numbers per vector."""
-        return self.encoder.width
 
     def __call__(self, captions: Sequence[Caption]) -> Sentences:
         """Returns the word pieces of captions."""

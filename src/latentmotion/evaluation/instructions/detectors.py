@@ -259,7 +259,13 @@ def _act(name: str, of_sides: bool = False) -> Callable[[Detector], Detector]:
     """Registers the detector of an act; with `of_sides` it finds the act of one given side."""
 
     def register(detect: Detector) -> Detector:
-        ACTS[name] = _of_sides(detect) if of_sides else detect
+        def of_either(body: Body, side: str) -> list[Span]:
+            if side in _OTHER:  # the other side must do less of it
+                events, other = detect(body, side), detect(body, _OTHER[side])
+                return events if len(events) > len(other) or not other else []
+            return sorted(detect(body, LEFT) + detect(body, RIGHT))
+
+        ACTS[name] = of_either if of_sides else detect
         return detect
 
     return register
@@ -275,7 +281,12 @@ def fulfills(body: Body, check: Check) -> bool:
         InputError: There is no such act or condition.
     """
     if not check.ordered:
-        return all(_holds(body, term) for term in check.terms)
+        return all(
+            CONDITIONS[term.name](body, term)
+            if term.name in CONDITIONS
+            else term.often[0] <= len(_events(body, term)) <= term.often[1]
+            for term in check.terms
+        )
     events = [_events(body, term) for term in check.terms]
     for earlier, later, term in zip(events, events[1:], check.terms[1:], strict=False):
         # Acts within two frames (0.1 s) of each other happen at once, in no order.
@@ -287,30 +298,11 @@ def fulfills(body: Body, check: Check) -> bool:
     return True
 
 
-def _holds(body: Body, term: Term) -> bool:
-    if term.name in CONDITIONS:
-        return CONDITIONS[term.name](body, term)
-    least, most = term.often
-    return least <= len(_events(body, term)) <= most
-
-
 def _events(body: Body, term: Term) -> list[Span]:
     if term.name not in ACTS:
         raise InputError(f"unknown act {term.name!r}; {hint(term.name, [*ACTS, *CONDITIONS])}")
     side = term.words[0] if term.words else "any"
     return ACTS[term.name](body, side)
-
-
-def _of_sides(detect: Detector) -> Detector:
-    """Returns a detector of either side from that of one, whose other side must do less of it."""
-
-    def detector(body: Body, side: str) -> list[Span]:
-        if side in _OTHER:
-            events, other = detect(body, side), detect(body, _OTHER[side])
-            return events if len(events) > len(other) or not other else []
-        return sorted(detect(body, LEFT) + detect(body, RIGHT))
-
-    return detector
 
 
 @_act("raise")
