@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from latentmotion.evaluation.report import UNITS_OF_TABLES
 from latentmotion.reproduce.budget import BUDGETS, MODELS, PAPER, SMALL, budget_named
 from latentmotion.reproduce.markdown import (
     MINUTES,
-    UNITS,
     RowResult,
     TableResult,
     cell,
@@ -92,7 +92,7 @@ def test_means_stand_with_their_interval(figure: list[float | None], text: str) 
 def test_columns_are_those_that_somebody_measured() -> None:
     result = RowResult("one", "", {"FID": [0.5, 0.01], "Odd": [1.0, None]})
     head, rule, *rows = lines_of(page(result))
-    assert head == ["", f"FID {UNITS['FID']}".strip(), "FID, paper", "R@1, paper"]
+    assert head == ["", f"FID {UNITS_OF_TABLES['FID']}".strip(), "FID, paper", "R@1, paper"]
     assert rule == ["---"] * 4
     assert rows == [
         ["Real", "–", "0.002", "0.511"],

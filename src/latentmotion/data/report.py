@@ -117,28 +117,13 @@ def readme(manifest: DatasetManifest, parts: tuple[Part, ...], title: str) -> st
         f"* **{source.name}**: {source.license}. {source.credit} {source.url}".rstrip()
         for source in manifest.sources
     ]
-    lines = [
-        front_matter(head),
-        f"# {title}",
-        "",
-        f"{clips} clips of one person as {manifest.representation} features, {manifest.fps:g} "
-        f"frames a second, with {captions} captions; mirrored copies are made when they are read.",
-        "",
-        "```python",
-        "from latentmotion import Dataset",
-        "",
-        'dataset = Dataset.load("FOLDER")',
-        "```",
-        "",
-        "| source | split | clips | captions | hours |",
-        "|---|---|---|---|---|",
-        *rows,
-        "",
-        "## Sources and terms",
-        "",
-        *sources,
-        "",
-        "What was left out, and why, is in `report.json`.",
-        "",
-    ]
-    return "\n".join(lines)
+    page = Path(__file__).with_name("hub_page.md").read_text(encoding="utf-8")
+    return page.format(
+        head=front_matter(head),
+        title=title,
+        clips=clips,
+        captions=captions,
+        manifest=manifest,
+        rows="\n".join(rows),
+        sources="\n".join(sources),
+    )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -32,35 +33,11 @@ REPORT_FILE = "report.json"
 PAGE_FILE = "report.md"
 GROUND_TRUTH = "ground truth"  # Row of the real motions.
 
-# Unit of each metric, in the order of reports; ↓ if less is better, ↑ if more is, → if close to the
-# ground truth is.
-UNITS = {
-    "MPJPE": "mm ↓",
-    "PA-MPJPE": "mm ↓",
-    "ACCL": "mm/frame² ↓",
-    "FID": "↓",
-    "KID": "↓",
-    "R@1": "↑",
-    "R@2": "↑",
-    "R@3": "↑",
-    "MM-Dist": "↓",
-    "Diversity": "→",
-    "MultiModality": "→",
-    "Accuracy": "↑",
-    "APE root": "m ↓",
-    "APE trajectory": "m ↓",
-    "APE pose": "m ↓",
-    "APE joints": "m ↓",
-    "AVE root": "m² ↓",
-    "AVE trajectory": "m² ↓",
-    "AVE pose": "m² ↓",
-    "AVE joints": "m² ↓",
-    "Foot sliding": "m/s ↓",
-    "Skating": "share ↓",
-    "Jitter": "m/s³ →",
-    "Penetration": "mm ↓",
-    "Nearest clip": "mm",
-}
+_METRICS = tomllib.loads(Path(__file__).with_name("metrics.toml").read_text(encoding="utf-8"))
+
+# Unit of each metric of reports, in their order, and of those of the paper's tables.
+UNITS: dict[str, str] = _METRICS["reports"]
+UNITS_OF_TABLES: dict[str, str] = UNITS | _METRICS["tables"]
 
 
 @dataclass(frozen=True)

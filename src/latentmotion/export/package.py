@@ -399,38 +399,26 @@ def readme(card: ModelCard) -> str:
     shortest, longest = card.frames
     prompt = '"a person walks"' if text else '"LABEL"' if card.task == "action" else "None"
     rows = [f"| {name} | {value:g} |" for name, value in numbers(card.figures)]
-    lines = [
-        front_matter(head),
-        f"# {card.name}",
-        "",
-        f"Makes motion of one person from {_INPUTS[card.task]}: {shortest} to {longest} frames of "
-        f"{card.representation} features, with {card.sampling.steps} sampling steps of "
-        f"{card.sampling.sampler} where nothing else is asked. `model.json` holds the same for "
-        "programs.",
-        "",
-        "```python",
-        "from latentmotion import MotionPipeline",
-        "",
-        'generate = MotionPipeline.from_pretrained("FOLDER_OR_HUB_ID")',
-        f'generate({prompt}, seed=7).save("motion.bvh")',
-        "```",
-        "",
-        "## Training",
-        "",
+    hashes = (f"SHA-256 of {name}: {value}" for name, value in provenance.data_hashes.items())
+    training = [
         *(f"* Data: {line}" for line in provenance.data),
-        *(f"* SHA-256 of {name}: {value}" for name, value in provenance.data_hashes.items()),
+        *(f"* {line}" for line in hashes),
         f"* {provenance.hours:g} hours on {provenance.machine or 'an unknown machine'}",
-        *(["", "```bash", *provenance.commands, "```", ""] if provenance.commands else [""]),
-        "## Figures",
-        "",
-        *(["| figure | value |", "|---|---|", *rows] if rows else ["None were measured."]),
-        "",
-        "## Terms",
-        "",
-        f"Weights: {provenance.license}. {RIGHTS_IN_MOTIONS}",
-        "",
+        *(["", "```bash", *provenance.commands, "```"] if provenance.commands else []),
     ]
-    return "\n".join(lines)
+    figures = ["| figure | value |", "|---|---|", *rows] if rows else ["None were measured."]
+    page = Path(__file__).with_name("hub_page.md").read_text(encoding="utf-8")
+    return page.format(
+        head=front_matter(head),
+        card=card,
+        inputs=_INPUTS[card.task],
+        shortest=shortest,
+        longest=longest,
+        prompt=prompt,
+        training="\n".join(training),
+        figures="\n".join(figures),
+        rights=RIGHTS_IN_MOTIONS,
+    )
 
 
 def _index(card: ModelCard) -> list[dict[str, Any]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import importlib
 import json
+import tomllib
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -26,43 +27,20 @@ if TYPE_CHECKING:
 # Programs and data sets whose bones `formats/engines.py` knows.
 EngineName = Literal["unreal", "unity", "godot", "mixamo", "lafan", "cmu"]
 
-# Each ending that can be written, with the `module:function` that writes it.
-ENDINGS: Mapping[str, str] = MappingProxyType(
-    {
-        ".npz": "latentmotion.formats.npz:write",
-        ".amass.npz": "latentmotion.formats.smpl:write_amass",
-        ".smplx.npz": "latentmotion.formats.smpl:write_smplx",
-        ".smpl.npz": "latentmotion.formats.smpl:write_smpl",
-        ".csv": "latentmotion.formats.tables:write",
-        ".contacts.csv": "latentmotion.formats.tables:write_events",
-        ".contacts.json": "latentmotion.formats.tables:write_events",
-        ".bvh": "latentmotion.formats.bvh:write",
-        ".glb": "latentmotion.formats.gltf:write",
-        ".gltf": "latentmotion.formats.gltf:write",
-        ".vrma": "latentmotion.formats.gltf:write_vrma",
-        **dict.fromkeys((".usda", ".usdc", ".usdz", ".usd"), "latentmotion.formats.usd:write"),
-        ".fbx": "latentmotion.formats.fbx:write",
-        ".html": "latentmotion.viewer.page:write_page",
-        ".gif": "latentmotion.render.video:write",
-        ".mp4": "latentmotion.render.video:write",
-        ".png": "latentmotion.render.strip:write",
-    }
-)
+_FORMATS = tomllib.loads(Path(__file__).with_name("formats.toml").read_text(encoding="utf-8"))
 
-# Each ending of ours that can be read, with the `module:function` that reads it.
-READABLE: Mapping[str, str] = MappingProxyType(
-    {
-        ".npz": "latentmotion.formats.npz:read",
-        ".npy": "latentmotion.formats.npz:read_joints",
-        ".csv": "latentmotion.formats.tables:read",
-        ".bvh": "latentmotion.formats.takes:read_bvh_file",
-        ".glb": "latentmotion.formats.gltf_reader:read_takes",
-        ".gltf": "latentmotion.formats.gltf_reader:read_takes",
-        ".vrma": "latentmotion.formats.gltf_reader:read_takes",
-        ".fbx": "latentmotion.formats.fbx:read_takes",
-        ".amc": "latentmotion.formats.takes:read_amc_file",
-        **dict.fromkeys((".pkl", ".pt"), "latentmotion.formats.smpl:read"),
-    }
+
+def _functions(verb: str) -> Mapping[str, str]:
+    rows = ((name, row[verb]) for name, row in _FORMATS.items() if verb in row)
+    return MappingProxyType({f".{name}": f"latentmotion.{function}" for name, function in rows})
+
+
+# Each ending of ours that can be written, and that can be read, with its `module:function`.
+ENDINGS, READABLE = _functions("write"), _functions("read")
+
+# Each format of ours that services answer with, and its media type.
+MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
+    {name: row["media"] for name, row in _FORMATS.items() if "media" in row}
 )
 
 

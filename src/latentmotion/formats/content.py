@@ -6,9 +6,8 @@ import io
 import json
 import tempfile
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,30 +16,6 @@ from latentmotion import formats
 from latentmotion.errors import DiskFullError, InputError, LatentMotionError
 from latentmotion.motion import Motion
 from latentmotion.viewer.page import payload
-
-# Each format and its media type.
-MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
-    {
-        "json": "application/json",
-        "raw": "application/octet-stream",
-        "npz": "application/x-npz",
-        "amass.npz": "application/x-npz",
-        "csv": "text/csv; charset=utf-8",
-        "bvh": "text/x-bvh; charset=utf-8",
-        "glb": "model/gltf-binary",
-        "vrma": "model/gltf-binary",
-        "fbx": "application/octet-stream",
-        "usda": "model/vnd.usda",
-        "usdc": "application/octet-stream",
-        "usdz": "model/vnd.usdz+zip",
-        "html": "text/html; charset=utf-8",
-        "png": "image/png",
-        "gif": "image/gif",
-        "mp4": "video/mp4",
-        "viewer": "application/json",
-        "zip": "application/zip",
-    }
-)
 
 
 def encoded(motions: Sequence[Motion], form: str) -> tuple[bytes, str]:

@@ -20,25 +20,7 @@ from latentmotion.viewer.page import filled_page, json_in_html, marks_of, payloa
 # Figures of the picture, and its pixels from left to right.
 _FIGURES, _WIDTH = 6, 640
 
-_HTML = """<div data-motion="{name}">{picture}</div>
-<script>
-(() => {{
-  {viewer}
-  const show = () => {{
-    const viewer = globalThis.latentmotionViewer;
-    if (!viewer) return setTimeout(show, 500);
-    const srcdoc = viewer.replace("{{{{motions}}}}", () => {content});
-    for (const place of document.querySelectorAll("[data-motion='{name}']")) {{
-      if (place.querySelector("iframe")) continue;
-      const frame = document.createElement("iframe");
-      Object.assign(frame, {{ srcdoc, sandbox: "allow-scripts", title: "Latent Motion" }});
-      frame.style = "width: 100%; height: 520px; border: 0; border-radius: 12px";
-      place.replaceChildren(frame);
-    }}
-  }};
-  setTimeout(show);
-}})();
-</script>"""
+_HTML = Path(__file__).with_name("notebook.html").read_text(encoding="utf-8")
 
 _is_shown = False
 

@@ -5,30 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from latentmotion.evaluation.report import UNITS as REPORT_UNITS
-from latentmotion.evaluation.report import table_line
+from latentmotion.evaluation.report import UNITS_OF_TABLES, table_line
 from latentmotion.reproduce.budget import MODELS
 from latentmotion.reproduce.table import Row, Table
-
-# Unit of each metric; ↓ where less is better, ↑ where more is, → near the ground truth.
-UNITS = {
-    **REPORT_UNITS,
-    "AITS": "s ↓",
-    "Time of 2,048": "s ↓",
-    "Input numbers": "↓",
-    "FID train": "↓",
-    "FID test": "↓",
-    "Processor time": "s ↓",
-    "GFLOPs": "↓",
-    "Parameters": "10⁶ ↓",
-    "Training": "10¹² FLOPs",
-    "Crops": "10³",
-    "Latent numbers": "of 4 s ↓",
-    "Training step": "CPU s ↓",
-    "Decoding": "of 4 s, CPU ms ↓",
-    "Silhouette of noise": "",
-    "Silhouette of latents": "↑",
-}
 
 
 @dataclass(frozen=True)
@@ -80,7 +59,7 @@ def markdown(table: Table, result: TableResult, says: str) -> str:
     columns: list[tuple[str, str, bool]] = []
     for metric in table.metrics:
         if metric in ours:
-            columns.append((f"{metric} {UNITS.get(metric, '')}".strip(), metric, False))
+            columns.append((f"{metric} {UNITS_OF_TABLES.get(metric, '')}".strip(), metric, False))
         if metric in papers:
             columns.append((f"{metric}, paper", metric, True))
     lines = [

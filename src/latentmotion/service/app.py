@@ -26,7 +26,7 @@ from starlette.middleware.cors import CORSMiddleware
 
 from latentmotion import __version__
 from latentmotion.errors import LatentMotionError
-from latentmotion.formats.content import MEDIA_TYPES
+from latentmotion.formats import MEDIA_TYPES
 from latentmotion.motion import Motion
 from latentmotion.service import metrics, problems, streams, uploads
 from latentmotion.service.guard import OPEN, UPLOADS, Guard

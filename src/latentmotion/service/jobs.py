@@ -35,7 +35,7 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 from pydantic import ValidationError
 
 from latentmotion.errors import LatentMotionError
-from latentmotion.formats.content import MEDIA_TYPES
+from latentmotion.formats import MEDIA_TYPES
 from latentmotion.service.batching import CLIENT, Turns, check, room
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import BatchRequest, JobState

@@ -13,7 +13,7 @@ from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import Response, StreamingResponse
 
 from latentmotion import formats
-from latentmotion.formats.content import MEDIA_TYPES
+from latentmotion.formats import MEDIA_TYPES
 from latentmotion.service.problems import Problem
 from latentmotion.service.schemas import (
     MOST_CHARACTERS,

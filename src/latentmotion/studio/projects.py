@@ -19,7 +19,7 @@ from fastapi.responses import FileResponse, Response
 from pydantic import ValidationError
 
 from latentmotion.errors import InputError
-from latentmotion.formats.content import MEDIA_TYPES
+from latentmotion.formats import MEDIA_TYPES
 from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, uploaded
 from latentmotion.storage.configuration import read_plain

@@ -18,8 +18,8 @@ from pydantic import Field
 
 from latentmotion.data.clip import Caption, Source
 from latentmotion.errors import InputError
-from latentmotion.formats import npz
-from latentmotion.formats.content import MEDIA_TYPES, encoded
+from latentmotion.formats import MEDIA_TYPES, npz
+from latentmotion.formats.content import encoded
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.card import MOVES_FILE
 from latentmotion.motion import features_of
