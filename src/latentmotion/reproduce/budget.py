@@ -1,8 +1,6 @@
 """Budgets: the sizes in which tables are run, those of the paper or small ones for two cores.
 
-The small budget keeps every difference between rows. It halves the width, turns the paper's 5, 7, 9
-and 11 layers into 3, 5, 7 and 9, shortens motions to 64 frames and training to a few thousand
-steps at a higher rate.
+They are in `budgets.toml`.
 
 Models of the tables, from `models.toml`: one per row or shared by several.
 
@@ -13,7 +11,7 @@ experiment smaller. The first stage is that of the model itself, or that of anot
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -24,24 +22,18 @@ from latentmotion.model import config
 from latentmotion.storage.configuration import from_json
 from latentmotion.training.experiment import Experiment, preset_named, with_changes, with_settings
 
-Change = Callable[[Experiment], Experiment]  # An experiment to a changed one.
-
 
 @dataclass(frozen=True)
 class Adjustment:
     """Settings that the pages of tables mention."""
 
-    settings: Sequence[str]  # Each `part.key=value`, as on the command line.
+    settings: tuple[str, ...]  # Each `part.key=value`, as on the command line.
     described: str = ""  # Description; by default the settings themselves.
 
     @property
     def says(self) -> str:
         """Description of the change."""
         return self.described or ", ".join(self.settings)
-
-    def change(self, experiment: Experiment) -> Experiment:
-        """Returns the experiment with these settings."""
-        return with_changes(experiment, self.settings)
 
 
 @dataclass(frozen=True)
@@ -50,8 +42,9 @@ class Budget:
 
     name: str  # Name on the command line.
     says: str  # Description for the pages of tables.
-    change: Change = lambda experiment: experiment  # Change of every model.
-    raw: Change = lambda experiment: experiment  # Further change of models that diffuse raw frames.
+    settings: tuple[str, ...] = ()  # Changes of every model.
+    raw: tuple[str, ...] = ()  # Further changes of models that diffuse raw frames.
+    per_item: int = 0  # Kept crops of an item, where a preset has fresh ones; 0 for fresh ones.
     # Width of transformers, of convolutions and of VPoser-t's latent; twice that inside.
     width: int | None = None
     # Layers of transformers by those of the paper.
@@ -78,7 +71,7 @@ class Budget:
         """
         if not settings:
             return self
-        return self._adjusted(Adjustment(settings))
+        return self._adjusted(Adjustment(tuple(settings)))
 
     def _adjusted(self, by: Adjustment) -> Budget:
         says = f"{self.says}; changed: {by.says}"
@@ -91,9 +84,11 @@ class Budget:
 
     def shrink(self, experiment: Experiment) -> Experiment:
         """Returns the experiment in this budget's sizes."""
-        smaller = self.change(experiment)
+        smaller = with_changes(experiment, self.settings)
+        if self.per_item and not experiment.latents.per_item:
+            smaller = with_changes(smaller, [f"latents.per_item={self.per_item}"])
         if not experiment.vae.has_weights:
-            smaller = self.raw(smaller)
+            smaller = with_changes(smaller, self.raw)
         if self.width is not None:
             transformer = smaller.denoiser.transformer.scaled(self.width, self.layers)
             smaller = replace(
@@ -101,68 +96,28 @@ class Budget:
                 vae=smaller.vae.scaled(self.width, self.layers),
                 denoiser=replace(smaller.denoiser, transformer=transformer),
             )
-        if experiment.name in self.of_models:
-            smaller = self.of_models[experiment.name].change(smaller)
-        for adjustment in self.further:
-            smaller = adjustment.change(smaller)
+        own = self.of_models.get(experiment.name)
+        for adjustment in (*([own] if own else []), *self.further):
+            smaller = with_changes(smaller, adjustment.settings)
         return smaller
 
 
-def short_training(experiment: Experiment) -> Experiment:
-    """Crops motions to 64 frames, and trains both stages for some thousand steps."""
-    common = """
-        learning_rate=5e-4 warm_up=200 schedule=cosine gradient_clip=1.0 ema_decay=0.999
-        report_every=100 validate_every=500 sample_every=0
-    """
-    settings = [
-        f"{stage}_training.{text}" for stage in ("vae", "denoiser") for text in common.split()
-    ]
-    for cropping in ("vae_cropping", "latents.cropping"):
-        settings += [f"{cropping}.max_frames=64", f"{cropping}.min_frames=16"]
-    settings += ["vae_training.steps=2500", "vae_training.snapshot_every=100"]
-    settings += ["vae_training.batch_size=32", "vae_training.precision=bfloat16"]
-    settings += ["denoiser_training.steps=4000", "denoiser_training.snapshot_every=500"]
-    settings += [f"latents.per_item={experiment.latents.per_item or 4}"]
-    return with_changes(experiment, settings)
+def _budget(name: str, row: dict[str, Any]) -> Budget:
+    layers = {int(layers): fewer for layers, fewer in row.pop("layers", {}).items()}
+    adjusted = {
+        part: {key: from_json(Adjustment, each) for key, each in row.pop(part, {}).items()}
+        for part in ("of_tables", "of_models")
+    }
+    return replace(from_json(Budget, {"name": name, **row}), layers=layers, **adjusted)
 
 
-PAPER = Budget("paper", "sizes and steps of the paper")
-
-SMALL = Budget(
-    "small",
-    "width 128 instead of 256, hidden 256 instead of 1024, 3, 5, 7, 9 layers for 5, 7, 9, 11, "
-    "no dropout in VAEs, motions of 16 to 64 frames; VAE: 2,500 steps of 32; diffusion on latents: "
-    "4,000 steps of 64; on raw frames: 2,500 steps of 32; rates fall from 5e-4 as a cosine, "
-    "weights are averaged",
-    change=short_training,
-    raw=Adjustment(("denoiser_training.steps=2500", "denoiser_training.batch_size=32")).change,
-    width=128,
-    # ACTOR's 6, MDM's 8 and the 15 layers of actions become 7, as MLD's 9 do.
-    layers={5: 3, 6: 7, 7: 5, 8: 7, 9: 7, 11: 9, 15: 7},
-    of_tables=dict.fromkeys(
-        ("fast", "fast_vae"),
-        Adjustment(
-            (
-                "denoiser_training.steps=700",
-                "denoiser_training.batch_size=32",
-                "denoiser_training.learning_rate=1e-3",
-                "denoiser_training.warm_up=100",
-            )
-        ),
-    ),
-    of_models={
-        **dict.fromkeys(("narrow_16x16", "narrow_16x32"), Adjustment(("vae_training.steps=1000",))),
-        "mld_1_longer": Adjustment(
-            ("denoiser_training.steps=16000",), "16,000 steps of the denoiser"
-        ),
-    },
-    max_frames=64,
-    replications=5,
-    slow=1,
-    repeats=Repeats(texts=20, samples=10, replications=1),
-)
-
-BUDGETS = {budget.name: budget for budget in (PAPER, SMALL)}
+BUDGETS = {
+    name: _budget(name, row)
+    for name, row in tomllib.loads(
+        Path(__file__).with_name("budgets.toml").read_text(encoding="utf-8")
+    ).items()
+}
+PAPER, SMALL = BUDGETS["paper"], BUDGETS["small"]
 
 
 def budget_named(name: str) -> Budget:
