@@ -12,6 +12,7 @@ import hashlib
 import json
 import shutil
 import tempfile
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -47,48 +48,11 @@ _LEAST_BYTES = 1024
 
 _ALIGNMENT = 64
 
-# One sentence and one motion have no padding, so all masks are true.
-_MASKS = """<ir_version: 10, opset_import: ["" : 20]>
-masks (int64[1,n] tokens, float[1,t,w] noise, int64[1] frames)
-  => (bool[1,n] mask, bool[1,t] latents_mask, bool[1,f] frames_mask)
-  <int64[1] one = {1}>
-{
-  n_shape = Shape (tokens)
-  mask = ConstantOfShape <value = bool[1] {1}> (n_shape)
-  t_shape = Shape <end = 2> (noise)
-  latents_mask = ConstantOfShape <value = bool[1] {1}> (t_shape)
-  f_shape = Concat <axis = 0> (one, frames)
-  frames_mask = ConstantOfShape <value = bool[1] {1}> (f_shape)
-}"""
-
-# The number of a label becomes its unit vector; no number, no vector.
-_LABELS = """<ir_version: 10, opset_import: ["" : 20]>
-labels (int64[1,n] tokens) => (float[1,n,w] seen)
-{
-  seen = OneHot (tokens, depth, values)
-}"""
-
 # Parts from tokens to `seen`, each with its prefix and names, and the name of the words' mask.
 SeenPrompt = tuple[list[tuple[ModelProto, str, dict[str, str]]], str]
 
-_HIDDEN_LAYER = """<ir_version: 10, opset_import: ["" : 20]>
-layer (float[1,n] into) => (float[1,m] out)
-{
-  product = MatMul (into, weight)
-  sum = Add (product, bias)
-  out = Relu (sum)
-}"""
-
-# `LengthModel.usual` for one sentence, layer by layer.
-_LAST_LAYER = """<ir_version: 10, opset_import: ["" : 20]>
-layer (float[1,n] into) => (float[1,1] seconds)
-{
-  product = MatMul (into, weight)
-  quantiles = Add (product, bias)
-  longest, places = TopK (quantiles, count)
-  median = Gather <axis = 1> (longest, first)
-  seconds = Max (median, least)
-}"""
+# Small graphs that join the parts, as text.
+_GRAPHS = tomllib.loads(Path(__file__).with_name("web_graphs.toml").read_text(encoding="utf-8"))
 
 
 def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:
@@ -177,13 +141,11 @@ def _seen_prompt(pipeline: MotionPipeline, text: ModelProto | None, folder: Path
     if isinstance(condition, SentenceCondition):
         assert text is not None
         reading = _traced_reading(condition.conditioning, text, folder)
-        first = {"tokens": "tokens", "mask": "mask"} | _same("pooled", "words")
+        first = _same("tokens", "mask", "pooled", "words")
         then = _same("pooled", "words", "mask", "seen", "seen_mask")
         return [(text, "text", first), (reading, "reading", then)], "seen_mask"
-    labels = parser.parse_model(_LABELS)
-    depth = np.array(pipeline.card.condition.condition_width)
-    arrays = {"depth": depth, "values": np.array([0, 1], np.float32)}
-    labels.graph.initializer.extend(numpy_helper.from_array(a, name) for name, a in arrays.items())
+    width = np.array(pipeline.card.condition.condition_width)
+    labels = _graph("labels", depth=width, values=np.array([0, 1], np.float32))
     return [(labels, "labels", _same("tokens", "seen"))], "mask"
 
 
@@ -222,11 +184,12 @@ def _joined(prompt: SeenPrompt, fused: ModelProto, joints: ModelProto) -> ModelP
     shape = [1, "frames_made", skeleton, 3]
     output = helper.make_tensor_value_info("joints", TensorProto.FLOAT, shape)
     graph = helper.make_graph([], "motion", inputs, [output])
-    masks = parser.parse_model(_MASKS)
     features = fused.graph.output[0].name
     prompt_inputs = {"words": "seen", "words_mask": words_mask}
     direct_inputs = {"mask": "latents_mask", "frames": "frames_mask", "noise": "noise"}
-    _add(graph, masks, "masks", {name: name for name in ("tokens", "noise", "frames", *_MADE)})
+    _add(graph, _graph("mask"), "mask", _same("tokens", "mask"))
+    names = _same("noise", "frames", "latents_mask", "frames_mask")
+    _add(graph, _graph("masks"), "masks", names)
     for part, prefix, names in parts:
         _add(graph, part, prefix, names)
     _add(
@@ -239,9 +202,6 @@ def _joined(prompt: SeenPrompt, fused: ModelProto, joints: ModelProto) -> ModelP
     return helper.make_model(graph, opset_imports=fused.opset_import, ir_version=fused.ir_version)
 
 
-_MADE = ("mask", "latents_mask", "frames_mask")
-
-
 def _same(*names: str) -> dict[str, str]:
     return {name: name for name in names}
 
@@ -251,22 +211,17 @@ def _seconds(text: ModelProto, model: LengthModel) -> ModelProto:
     inputs = helper.make_tensor_value_info("tokens", TensorProto.INT64, [1, "pieces"])
     output = helper.make_tensor_value_info("seconds", TensorProto.FLOAT, [1, 1])
     graph = helper.make_graph([], "seconds", [inputs], [output])
-    token_inputs = {"mask": "mask", "tokens": "tokens"}
-    mask = parser.parse_model(_MASKS)
-    keep = [node for node in mask.graph.node if node.output[0] in ("n_shape", "mask")]
-    del mask.graph.node[:], mask.graph.initializer[:]
-    mask.graph.node.extend(keep)
-    _add(graph, mask, "masks", token_inputs)
-    _add(graph, text, "text", token_inputs | {"pooled": "pooled"})
+    _add(graph, _graph("mask"), "mask", _same("tokens", "mask"))
+    _add(graph, text, "text", _same("tokens", "mask", "pooled"))
     longer = len(QUANTILES) - QUANTILES.index(0.5)  # the median is the last of so many from above
     *hidden, last = zip(model.weights, model.biases, strict=True)
     value = "pooled"
     for number, (weight, bias) in enumerate(hidden):
-        layer = _with_arrays(_HIDDEN_LAYER, weight=weight.T, bias=bias)
+        layer = _graph("hidden_layer", weight=weight.T, bias=bias)
         _add(graph, layer, f"lengths{number}", {"into": value, "out": f"hidden{number}"})
         value = f"hidden{number}"
-    layer = _with_arrays(
-        _LAST_LAYER,
+    layer = _graph(
+        "last_layer",
         weight=last[0].T,
         bias=last[1],
         least=np.float32(SHORTEST_USUAL),
@@ -277,9 +232,9 @@ def _seconds(text: ModelProto, model: LengthModel) -> ModelProto:
     return helper.make_model(graph, opset_imports=text.opset_import, ir_version=text.ir_version)
 
 
-def _with_arrays(text: str, **arrays: np.ndarray | np.generic) -> ModelProto:
-    """Returns the model of a text, with constants by name."""
-    model = parser.parse_model(text)
+def _graph(name: str, **arrays: np.ndarray | np.generic) -> ModelProto:
+    """Returns one of the small graphs, with constants by name."""
+    model = parser.parse_model(_GRAPHS[name])
     model.graph.initializer.extend(
         numpy_helper.from_array(np.array(array), name) for name, array in arrays.items()
     )
