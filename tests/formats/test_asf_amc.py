@@ -176,16 +176,6 @@ DAMAGED_MOTION = {
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGED_MOTION)
-def test_damaged_motion_is_named_with_file_and_line(tmp_path, damage):
-    content, line, message = DAMAGED_MOTION[damage]
-    path = put(tmp_path, amc=content)
-    with pytest.raises(FileFormatError, match=message) as error:
-        read_asf_amc(path)
-    assert error.value.path == path
-    assert error.value.line == line
-
-
 DAMAGED_SKELETON = {
     "empty": ("", None, "empty"),
     "not ASF": ("hello", None, "no ':root' section"),
@@ -204,14 +194,18 @@ DAMAGED_SKELETON = {
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGED_SKELETON)
-def test_damaged_skeleton_is_named_with_file_and_line(tmp_path, damage):
-    content, line, message = DAMAGED_SKELETON[damage]
-    path = put(tmp_path, asf=content)
+DAMAGED = [("07_01.amc", *case) for case in DAMAGED_MOTION.values()]
+DAMAGED += [("07.asf", *case) for case in DAMAGED_SKELETON.values()]
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "line", "message"), DAMAGED, ids=[*DAMAGED_MOTION, *DAMAGED_SKELETON]
+)
+def test_damage_is_named_with_file_and_line(tmp_path, file, content, line, message):
+    path = put(tmp_path, **{file[-3:]: content})
     with pytest.raises(FileFormatError, match=message) as error:
         read_asf_amc(path)
-    assert error.value.path.name == "07.asf"
-    assert error.value.line == line
+    assert (error.value.path.name, error.value.line) == (file, line)
 
 
 def test_a_real_trial(shared, tmp_path):
