@@ -23,7 +23,7 @@ from latentmotion.model.card import DEFAULT
 from latentmotion.motion import Motion
 from latentmotion.retarget import read_rig, transfer
 from latentmotion.retarget.rig import SourceCharacter
-from latentmotion.storage.files import atomic_file, cache_folder
+from latentmotion.storage.files import cache_folder, write_file
 
 # Presets that write folders, and the ending of the figure in them.
 _FOLDERS = {"godot": ".glb", "unity": ".fbx"}
@@ -154,6 +154,5 @@ def _write_tables(
     table, events = output.with_suffix(".set.json"), output.with_suffix(".events.csv")
     content = {"format": 1, "clips": entries}
     for path, text in ((table, json.dumps(content, indent=1)), (events, "\n".join(lines))):
-        with atomic_file(path) as temporary:
-            temporary.write_text(text + "\n", encoding="utf-8")
+        write_file(path, text + "\n")
     return entries, [table, events]

@@ -182,6 +182,7 @@ def _fused_steps(card: ModelCard) -> list[int]:
     return [steps for steps in card.few_step.steps if steps <= MOST_FUSED] if card.few_step else []
 
 
+@torch.no_grad()
 def _check_graphs(model: checkpoint.LatentModel, folder: Path) -> None:
     """Compares each graph with its network on random inputs."""
     card, count = model.card, 3
@@ -201,23 +202,20 @@ def _check_graphs(model: checkpoint.LatentModel, folder: Path) -> None:
     inputs = {**drawn("z"), "t": t}
     further = {"guidance": 3 * t, "step_size": t} if model.denoiser.further_inputs else {}
     condition = Conditioning(inputs["words"], inputs["words_mask"])
-    with torch.no_grad():
-        expected = model.denoiser(
-            inputs["z"], t, condition, inputs["mask"], StepCondition(**further) if further else None
-        )
+    step_condition = StepCondition(**further) if further else None
+    expected = model.denoiser(inputs["z"], t, condition, inputs["mask"], step_condition)
     _compare(folder / "denoiser.onnx", inputs | further, expected)
     if (folder / "decoder.onnx").is_file():
         latents = torch.randn(count, tokens, width)
-        with torch.no_grad():
-            expected = model.vae.decode(latents, frames)
+        expected = model.vae.decode(latents, frames)
         _compare(folder / "decoder.onnx", {"latents": latents, "mask": frames}, expected)
     if (folder / cards.ENCODER_FILE).is_file():
         features = torch.randn(*frames.shape, len(card.normalizer_mean))
-        with torch.no_grad():
-            expected = model.vae.encode(features, frames).mean
+        expected = model.vae.encode(features, frames).mean
         _compare(folder / cards.ENCODER_FILE, {"features": features, "mask": frames}, expected)
     if (folder / PULLBACK_FILE).is_file():
-        error = graphs.pullback_error(model.vae, folder / PULLBACK_FILE)
+        with torch.enable_grad():  # of which the pullback is the transpose
+            error = graphs.pullback_error(model.vae, folder / PULLBACK_FILE)
         if not error < graphs.PULLBACK_TOLERANCE:
             raise ModelError(
                 f"{PULLBACK_FILE} differs from its decoder by {error:.2g}; not written"
@@ -225,8 +223,7 @@ def _check_graphs(model: checkpoint.LatentModel, folder: Path) -> None:
     for steps in _fused_steps(card):
         guidance = torch.full((count,), 1.5)
         inputs = {**drawn("noise"), "frames": frames, "guidance": guidance}
-        with torch.no_grad():
-            expected = graphs.FusedSampler(model, steps)(**inputs)
+        expected = graphs.FusedSampler(model, steps)(**inputs)
         _compare(folder / fused_sampler_file(steps), inputs, expected)
 
 

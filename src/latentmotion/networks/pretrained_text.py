@@ -89,19 +89,17 @@ def _weights(source: str) -> dict[str, Tensor]:
         )
     try:
         activation = json.loads(settings.read_text(encoding="utf-8"))["activation_function"]
-        tensors = load_file(path) if path.suffix == ".safetensors" else _torch_file(path)
+        if path.suffix == ".safetensors":
+            tensors = load_file(path)
+        else:
+            tensors = torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        raise ModelError(f"{path} holds more than tensors ({error})") from error
     except (OSError, ValueError, KeyError, RuntimeError, SafetensorError) as error:
         raise ModelError(f"{path.parent} is damaged: {error}; copy it again") from error
     if not str(activation).endswith("Identity"):
         raise ModelError(f"{settings}: activation {activation}, expected identity")
     return tensors
-
-
-def _torch_file(path: Path) -> dict[str, Tensor]:
-    try:
-        return torch.load(path, map_location="cpu", weights_only=True)
-    except pickle.UnpicklingError as error:
-        raise ValueError(f"it holds more than tensors ({error})") from error
 
 
 def _file(source: str, name: str) -> Path | None:

@@ -40,7 +40,7 @@ from latentmotion.reproduce.plots import draw_figure, draw_latents
 from latentmotion.reproduce.table import Row, Table
 from latentmotion.reproduce.workspace import Workspace, training_cost, vae_cost
 from latentmotion.storage.configuration import read_json, to_json, write_json
-from latentmotion.storage.files import atomic_file, sha256
+from latentmotion.storage.files import sha256, write_file
 from latentmotion.training.loop import read_progress
 from latentmotion.training.run_folder import Run, read_run
 from latentmotion.training.stages import frames_as_first_stage
@@ -86,7 +86,7 @@ class TableRunner:
         for row in counted(others, "rows"):
             self.row(row)
             # After every row, so that an interrupted run leaves what it has measured.
-            self.write_page(page)
+            write_page(page, self.table, self.measured_rows(), self.work.budget.says)
         return page
 
     @property
@@ -174,17 +174,6 @@ class TableRunner:
         folder = self.trained(row)
         assert folder is not None, "real motions have no model"
         return torch_pipeline(folder, self._encoder(row))
-
-    def write_page(self, page: Path) -> None:
-        """Writes the page of a table with all rows that are measured so far."""
-        result = self.measured_rows()
-        write_json(page.with_suffix(".json"), result)
-        text = markdown(self.table, result, self.work.budget.says)
-        plot = page.with_suffix(".svg")
-        if draw_figure(self.table, result, plot):
-            text += f"\n![{self.table.title}]({plot.name})\n"
-        with atomic_file(page) as temporary:
-            temporary.write_text(text, encoding="utf-8")
 
     def measured_rows(self) -> TableResult:
         """Returns the rows that are measured so far, in the table's order."""
@@ -372,6 +361,22 @@ def _plain(figures: Mapping[str, Figure]) -> dict[str, list[float | None]]:
     }
 
 
+def write_page(page: Path, table: Table, result: TableResult, says: str) -> None:
+    """Writes the page of a table, and beside it its figures as JSON and its plot, if it has one.
+
+    Args:
+        page: Markdown file to write.
+        table: The table.
+        result: Its measured rows.
+        says: Description of the budget.
+    """
+    write_json(page.with_suffix(".json"), result)
+    text, plot = markdown(table, result, says), page.with_suffix(".svg")
+    if draw_figure(table, result, plot):
+        text += f"\n![{table.title}]({plot.name})\n"
+    write_file(page, text)
+
+
 SEED = "denoiser_training.seed="  # Setting that may differ between the runs.
 
 
@@ -406,15 +411,9 @@ def join_runs(table: Table, folders: Sequence[Path], output: Path) -> Path:
         pages.append(replace(theirs[0], table=name, rows=_joined_rows(table, theirs, says)))
     output.mkdir(parents=True, exist_ok=True)
     for number, joined in enumerate(pages, start=1):
-        name = joined.table
-        path = output / f"{name}.md"
-        write_json(path.with_suffix(".json"), joined)
         titled = replace(table, title=f"{table.title}, by evaluator {number}", expects="")
-        text = markdown(titled if number > 1 else table, joined, says)
-        if draw_figure(table, joined, path.with_suffix(".svg")):
-            text += f"\n![{table.title}]({name}.svg)\n"
-        with atomic_file(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        page = output / f"{joined.table}.md"
+        write_page(page, titled if number > 1 else table, joined, says)
     return output / f"{table.name}.md"
 
 
