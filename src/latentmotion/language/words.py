@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import dropwhile
 
-from latentmotion.language.claims import LEFT, RIGHT, data
+from latentmotion.language.claims import LEFT, RIGHT, data, mirror_words
 
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+|[°.,;:!?]|(?<=\d)\s?[-–](?=\s?\d)")
 _WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")
@@ -49,6 +49,14 @@ class Token:
 def listed(name: str) -> frozenset[str]:
     """Returns a list of words."""
     return frozenset(data("words.toml")["lists"][name])
+
+
+@cache
+def opposites() -> tuple[tuple[frozenset[str], frozenset[str]], ...]:
+    """Returns pairs of words, in all their forms, of which a text says the one or the other."""
+    table = data("words.toml")["opposites"]
+    pairs = [[other_forms(word) | {word} for word in pair] for pair in table]
+    return (*((one, other) for one, other in pairs), *((other, one) for one, other in pairs))
 
 
 def is_plural(word: str) -> bool:
@@ -87,7 +95,28 @@ def with_words(sentence: str, others: Mapping[str, str]) -> str:
 
 def parts_of(sentence: str) -> list[str]:
     """Returns the movements of a sentence that follow each other, in order."""
-    return [part for part in THEN.split(sentence) if part.strip()] or [sentence]
+    parts: list[str] = []
+    for part in THEN.split(sentence):
+        if part.strip() and (not parts or content_words(part)):  # "on one leg, then the other"
+            parts.append(_completed(part, parts[-1]) if parts else part)
+    return parts or [sentence]
+
+
+def _completed(part: str, before: str) -> str:
+    """Returns a movement that leaves out what it shares with the one before, in full.
+
+    "Turns the head to the left, then to the right" turns it to the right then.
+    """
+    sides, others = named_sides(part), named_sides(before)
+    shared = {*words_of(before)} | listed("preposition") | listed("towards") | sides
+    other_side = len(sides) == len(others) == 1 and sides != others
+    return mirror_words(before) if other_side and shared.issuperset(words_of(part)) else part
+
+
+def refers_back(clause: str) -> bool:
+    """Whether a clause needs what is before it: "lower it", "knocks again"."""
+    words = words_of(clause)
+    return len(words) <= 3 and not {"it", "them", "again"}.isdisjoint(words)
 
 
 def clauses_of(sentence: str, is_known: Callable[[str], bool]) -> list[str]:
@@ -145,6 +174,18 @@ def at_once(sentence: str) -> list[tuple[str, str]]:
     return [pair for pair in pairs if all(map(content_words, pair))]
 
 
+def verb_of(clause: str, is_known: Callable[[str], bool]) -> str:
+    """Returns the verb of a clause, or its first content word where there is none.
+
+    Args:
+        clause: The clause.
+        is_known: Whether a word exists.
+    """
+    words = [word for word in words_of(clause) if word in content_words(clause)] or [clause]
+    words = [word for word in words if word not in listed("light") | {*forms("have")}] or words
+    return next((word for word in words if _verb_forms(word, is_known)), words[0])
+
+
 def _verb_forms(word: str, is_known: Callable[[str], bool], more: bool = False) -> frozenset[str]:
     """Returns which forms of verbs a word may be, as `forms` names them.
 
@@ -178,25 +219,6 @@ def uncounted(sentence: str) -> str:
         if not counts and not times:
             text += f" {sentence[token.start : token.end]}"
     return text.strip() or sentence
-
-
-def plainer_than(sentence: str, sides: bool) -> list[str]:
-    """Returns a sentence with less of how its movement is done: before a comma, without its sides.
-
-    Args:
-        sentence: The sentence.
-        sides: Whether "to the left" may be left out, too: "cartwheel to the left" is nearer to all
-            that is on a side than to a cartwheel.
-    """
-    head = sentence.split(",")[0].strip()
-    texts = [head] if len(words_of(head)) > 1 else []
-    words = words_of(head)
-    if sides and not {LEFT, RIGHT}.isdisjoint(words):
-        rest = [word for word in words if word not in (LEFT, RIGHT)]
-        while rest and rest[-1] in listed("their") | listed("preposition") | listed("towards"):
-            rest.pop()
-        texts.append(" ".join(rest))
-    return [text for text in dict.fromkeys(texts) if text and text != sentence]
 
 
 @lru_cache(maxsize=256)  # a prompt is read for its claims, doubts, counts, length and floor

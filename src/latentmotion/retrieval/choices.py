@@ -8,11 +8,10 @@ sides, opposites, gaits, counts, and captions of drawn clips, which are short.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -21,7 +20,7 @@ from latentmotion.arrays import unit
 from latentmotion.condition import TextEncoder
 from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.language.acts import lookups
-from latentmotion.language.claims import Claim, both_sides, data, kinds
+from latentmotion.language.claims import Claim, both_sides, kinds
 from latentmotion.language.reading import asked_exactly, request_of
 from latentmotion.language.words import (
     at_once,
@@ -29,11 +28,14 @@ from latentmotion.language.words import (
     content_words,
     listed,
     named_sides,
+    opposites,
     other_forms,
-    plainer_than,
+    refers_back,
+    verb_of,
     words_of,
 )
 from latentmotion.retrieval.doubts import Doubts, Reading
+from latentmotion.retrieval.fit import ALIKE, MOST_COMPARED, NEARLY_ALIKE, fitting
 from latentmotion.retrieval.index import (
     ALIKE_WORDS,
     DRAWN,
@@ -46,12 +48,6 @@ from latentmotion.retrieval.index import (
 
 USUAL = 60.0  # Support of a movement that succeeds from noise about as often as from a clip.
 
-# Cosine from which a sentence says nearly the same as one of a drawn clip, which it then starts
-# from where no more than OFTEN clips support captions that are about as near. With this and the
-# rules below 39 of 817 prompts start from another clip: 26 from what they ask for, five from
-# something near it, eight from something else.
-NEARLY_ALIKE = 0.8
-
 # Least part of the weight of a sentence's words, and of its weightiest word, that the caption of a
 # drawn clip must have to be started from for its words alone.
 LEAST_SAID, LEAST_WEIGHT = 0.45, 4.0
@@ -63,8 +59,6 @@ LEAST_TOLD, MEAN_TOLD, EQUAL = 0.38, 0.54, 0.01
 # Weight of the embedding of a sentence beside that of a single word of it: with 0.5 archers shoot
 # with rifles, with 0.7 other words are outweighed.
 CONTEXT = 0.6
-
-ALIKE = 0.03  # How much farther than the nearest a caption may be for its clip to be another start.
 
 MOST_CHOICES = 4  # Clips among which takes take turns.
 
@@ -168,7 +162,9 @@ class Chooser:
         # Noise has the count or the turn that a sentence asks for exactly more often than a clip,
         # but for a clip that was shown for it, or drawn for the same.
         exactly = asked_exactly(sentence, any_length=True)
-        same = exactly == asked_exactly(choice.neighbors[0].caption.text, any_length=True)
+        rows = self.index.captions_of[choice.neighbors[0].caption.clip]
+        texts = [self.index.captions[row].text for row in rows]
+        same = any(exactly == asked_exactly(text, any_length=True) for text in texts)
         is_given = choice.support == SHOWN or (choice.is_given and same)
         exact = exactly != NO_CORRECTIONS and not is_given
         rare = choice.support <= (USUAL if reading.caption else RARE) and not exact
@@ -227,10 +223,11 @@ class Chooser:
         shown = whole[1].is_given and whole[1].neighbors[0].caption.support == SHOWN
         if shown or self._tells(whole, spans):
             return [whole[1]]
-        if said and _names(said.caption.text, done):
+        text = said.caption.text if said else ""
+        if said and _tells_sides(text, done) and self._names([text], done):
             return [Choice((said,), DRAWN, sentence)]
         while len(spans) > 2:
-            pairs = [self._together(sentence, *pair) for pair in pairwise(spans)]
+            pairs = [self._together(*pair) for pair in pairwise(spans)]
             joinable = [n for n, pair in enumerate(pairs) if self._tells(pair, spans[n : n + 2])]
             if not joinable:
                 break
@@ -238,12 +235,10 @@ class Chooser:
             spans[n : n + 2] = [pairs[n]]
         return [choice for _, choice in spans]
 
-    def _together(self, sentence: str, one: Span, other: Span) -> Span:
+    def _together(self, one: Span, other: Span) -> Span:
         """Returns neighboring spans as one."""
         clauses = (*one[0], *other[0])
-        start = sentence.index(clauses[0])
-        end = sentence.index(clauses[-1], start + len(clauses[0])) + len(clauses[-1])
-        return clauses, self.choice(sentence[start:end])
+        return clauses, self.choice(" and ".join(clauses))
 
     def _tells(self, span: Span, parts: Sequence[Span]) -> bool:
         """Whether the caption nearest to a span of clauses tells of all of them."""
@@ -251,8 +246,12 @@ class Chooser:
         caption = choice.neighbors[0].caption
         if any(map(_gaits_of, clauses)) and not _gaits_of(caption.text):
             return False  # "walks to the window and looks out" is no look through one
-        if caption.support == DRAWN and choice.is_near and _names(caption.text, clauses):
-            return True
+        if not _tells_sides(caption.text, clauses):
+            return False
+        if caption.support == DRAWN:
+            rows = self.index.captions_of[caption.clip]
+            texts = [self.index.captions[row].text for row in rows]
+            return choice.is_near and self._names(texts, clauses)
         number = next(n for n, other in enumerate(self.index.captions) if other is caption)
         cosines = [
             max(self.index.neighbor(number, self._sides(text)).cosine for text in lookups(clause))
@@ -272,31 +271,15 @@ class Chooser:
             context: The sentence that it is a part of, which says what a single word means:
                 "draws a bow and shoots".
         """
-        choice = self._nearest(sentence, context)
-        if choice.support <= RARE and choice.cosine >= NEARLY_ALIKE:
-            return choice
-        # What is said besides may hide the movement: "some guy doing the robot, jerky arms".
-        claims, ways = _claims(sentence), listed("forward") | listed("backward")
-        for plainer in plainer_than(sentence, sides=not claims):
-            other = self._nearest(plainer)
-            alike = other.support <= RARE and other.cosine >= NEARLY_ALIKE
-            if named_sides(sentence) - named_sides(plainer):  # to a side is not forward
-                alike &= ways.isdisjoint(words_of(other.neighbors[0].caption.text))
-            if alike and claims <= _claims(other.neighbors[0].caption.text):
-                near = tuple(self._on_side(neighbor, sentence) for neighbor in other.neighbors)
-                return Choice(near, other.support, sentence)
-        return choice
-
-    def _nearest(self, sentence: str, context: str = "") -> Choice:
-        """Returns clips near the words of a movement, with arguments as for `choice`."""
         versions = [self._sides(text) for text in lookups(sentence)]
         if context and len(set(words_of(sentence)) - listed("person")) == 1:
             meant = CONTEXT * self._sides(context)[0]
             versions = [unit(sides + meant) for sides in versions]
-        nearest = [(sides, self.index.nearest(sides, 2 * MOST_CHOICES)) for sides in versions]
+        nearest = [(sides, self.index.nearest(sides, MOST_COMPARED)) for sides in versions]
         sides, every = max(nearest, key=lambda version: version[1][0].cosine)
         support = self.index.support(sides)
         near = [n for n in every if n.caption.support == SHOWN or _fits(n.caption.text, sentence)]
+        near = fitting(near, sides, sentence, self.index)
         if not near:
             return Choice(tuple(every[:1]), max(support, OFTEN), sentence)
         near = near[:MOST_CHOICES]
@@ -308,21 +291,41 @@ class Chooser:
         # A clip that was shown, or else drawn, for a sentence takes turns with none that was not.
         shown = [neighbor for neighbor in alike if neighbor.caption.support == SHOWN]
         drawn = [neighbor for neighbor in alike if neighbor.caption.support == DRAWN]
+        claimed = bool(drawn) and (
+            drawn[0].cosine >= ALIKE_WORDS or _claims(sentence) <= self._claims_of(drawn[0])
+        )
         if shown:
             same, support = shown, SHOWN
         elif (
             drawn
             and support <= _most_beside(drawn[0], drawn[0].cosine >= alike[0].cosine - EQUAL)
-            and (
-                drawn[0].cosine >= ALIKE_WORDS
-                or _claims(sentence) <= _claims(drawn[0].caption.text)
-            )
+            and claimed
         ):
             same, support = drawn, DRAWN
         else:
             first = alike[0].caption.support == DRAWN
             same = drawn if first else [n for n in alike if n not in drawn]
+            if first and not self._goes(drawn[0], _gaits_of(sentence)):
+                support = max(support, OFTEN)
         return Choice(tuple(self._on_side(n, sentence) for n in same), support, sentence)
+
+    def _names(self, captions: Sequence[str], clauses: Sequence[str]) -> bool:
+        """Whether captions have the verb of each clause, in any form."""
+        words = {*chain(*map(words_of, captions))}
+        verbs = [verb_of(clause, self.doubts.is_word) for clause in clauses]
+        return all(words & (other_forms(verb) | {verb}) for verb in verbs)
+
+    def _claims_of(self, neighbor: Neighbor) -> frozenset[str]:
+        """Returns the kinds of what the captions of a clip tell of that can be measured."""
+        rows = self.index.captions_of[neighbor.caption.clip]
+        return frozenset().union(*(_claims(self.index.captions[row].text) for row in rows))
+
+    def _goes(self, neighbor: Neighbor, gaits: Sequence[Claim]) -> bool:
+        """Whether a clip goes on foot in the ways that are asked for, by one of its captions."""
+        rows = self.index.captions_of[neighbor.caption.clip]
+        shown = [gait for row in rows for gait in _gaits_of(self.index.captions[row].text)]
+        ways = {gait.direction for gait in shown} | {""}
+        return not gaits or (bool(shown) and ways.issuperset(gait.direction for gait in gaits))
 
     @cached_property
     def _said_by_drawn(self) -> list[tuple[frozenset[str], int]]:
@@ -340,7 +343,7 @@ class Chooser:
         serve", whose words it has.
         """
         forms = {word: other_forms(word) | {word} for word in content_words(sentence)}
-        weights = {word: self._weight(forms[word]) for word in forms}
+        weights = {word: self.index.weight(forms[word]) for word in forms}
         every_form = frozenset().union(*forms.values())
         said: dict[float, list[int]] = {}
         for words, number in self._said_by_drawn:
@@ -360,12 +363,6 @@ class Chooser:
             return None
         return self._on_side(neighbor, sentence)
 
-    def _weight(self, forms: frozenset[str]) -> float:
-        """Returns how much a word says: the logarithm of how few captions have a form of it."""
-        words = self.index.words
-        most = max(words.values(), default=1)
-        return math.log(most / (1 + max(words.get(form, 0) for form in forms)))
-
     def _on_side(self, neighbor: Neighbor, sentence: str) -> Neighbor:
         """Returns a clip that was shown or drawn on the side that a sentence names.
 
@@ -375,19 +372,16 @@ class Chooser:
         named, caption = named_sides(sentence), neighbor.caption
         if len(named) != 1 or caption.support > SHOWN:
             return neighbor
-        texts = [other.text for other in self.index.captions if other.clip == caption.clip]
+        texts = [self.index.captions[row].text for row in self.index.captions_of[caption.clip]]
         texts = [caption.text] if named_sides(caption.text) else texts
         shown = set().union(*(sides for sides in map(named_sides, texts) if len(sides) == 1))
         return replace(neighbor, mirrored=named != shown) if len(shown) == 1 else neighbor
 
 
-def _names(caption: str, clauses: Sequence[str]) -> bool:
-    """Whether a caption has a content word of the first clause, and the verb of each other."""
-    words = {form for word in words_of(caption) for form in other_forms(word) | {word}}
-    first, *others = (
-        [word for word in words_of(clause) if word in content_words(clause)] for clause in clauses
-    )
-    return not words.isdisjoint(first) and all(words.issuperset(other[:1]) for other in others)
+def _tells_sides(caption: str, clauses: Sequence[str]) -> bool:
+    """Whether a caption names the sides that clauses name, or none."""
+    named = {*chain(*map(named_sides, clauses))}
+    return named <= (named_sides(caption) or named)
 
 
 def _is_made(choice: Choice) -> bool:
@@ -395,9 +389,7 @@ def _is_made(choice: Choice) -> bool:
 
     A few words about what is before them ("lower it") are near by chance.
     """
-    words = words_of(choice.sentence)
-    refers = len(words) <= 3 and not {"it", "them"}.isdisjoint(words)
-    near = choice.is_near and (choice.cosine >= NEARLY_ALIKE or not refers)
+    near = choice.is_near and (choice.cosine >= NEARLY_ALIKE or not refers_back(choice.sentence))
     return near or bool(request_of(choice.sentence).claims)
 
 
@@ -418,9 +410,8 @@ def _fits(caption: str, sentence: str) -> bool:
     """Whether a caption says nothing against a sentence: "off" for "onto", a way for "in place"."""
     said, words = {*words_of(sentence)}, {*words_of(caption)}
     against = any(
-        other in words - said and word not in words
-        for word in said
-        for other in [data("words.toml")["opposites"].get(word)]
+        said & one and words & other and not said & other and not words & one
+        for one, other in opposites()
     )
     ways = [{gait.direction == "place" for gait in _gaits_of(text)} for text in (sentence, caption)]
     return not against and (ways[0] == ways[1] or True not in ways[0] | ways[1])

@@ -15,11 +15,21 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 from latentmotion.condition import TextEncoder
 from latentmotion.language.acts import of_a_person
-from latentmotion.language.reading import affirmed
-from latentmotion.language.words import ENDINGS, parts_of, with_words, words_of
-from latentmotion.retrieval.index import DRAWN, SHOWN, ClipIndex
+from latentmotion.language.reading import affirmed, request_of
+from latentmotion.language.words import (
+    ENDINGS,
+    parts_of,
+    refers_back,
+    with_words,
+    words_of,
+)
+from latentmotion.retrieval.fit import MOST_COMPARED, fitting
+from latentmotion.retrieval.index import DRAWN, SHOWN, ClipIndex, Neighbor
 from latentmotion.retrieval.wordings import in_words_of_captions
 from latentmotion.text.encoder import pieces
 
@@ -150,7 +160,7 @@ class Doubts:
     def doubt(self, sentence: str) -> Doubt | None:
         """Returns what the model knows least of a sentence, None if it knows all."""
         outside = _outside(sentence)
-        for part in parts_of(sentence):
+        for number, part in enumerate(parts_of(sentence)):
             vectors = self.text_encoder([part, of_a_person(part)]).pooled
             (neighbor,) = self.index.nearest(vectors, 1)
             caption = neighbor.caption.text
@@ -170,10 +180,17 @@ class Doubts:
             word = self._foreign_word(part)
             if word:
                 return Doubt(word, "no caption has it", caption)
+            if number and refers_back(part):
+                continue
             drawn = neighbor.caption.support == DRAWN
-            if neighbor.cosine < (FAR_OF_DRAWN if drawn else FAR):
+            misfit = drawn and not request_of(part).claims and not self._fitting(vectors, part)
+            if misfit or neighbor.cosine < (FAR_OF_DRAWN if drawn else FAR):
                 return Doubt(part.strip(), "no caption is near", caption)
         return None
+
+    def _fitting(self, vectors: Float[np.ndarray, "texts width"], part: str) -> list[Neighbor]:
+        near = self.index.nearest(vectors, MOST_COMPARED)
+        return fitting(near, vectors, part, self.index)
 
     def _foreign_word(self, sentence: str) -> str | None:
         """Returns the word that no caption has and that matters most, None if none matters."""

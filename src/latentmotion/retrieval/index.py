@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import zlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -210,6 +211,19 @@ class ClipIndex:
             neighbors[caption.clip] = Neighbor(caption, float(best[row]), bool(sides[row]))
             best[self._clip_of == caption.clip] = -np.inf
         return list(neighbors.values())
+
+    @cached_property
+    def captions_of(self) -> Mapping[int, Sequence[int]]:
+        """The numbers of the captions of each clip."""
+        rows: dict[int, list[int]] = {}
+        for number, caption in enumerate(self.captions):
+            rows.setdefault(caption.clip, []).append(number)
+        return rows
+
+    def weight(self, forms: Collection[str]) -> float:
+        """Returns how much a word says: the logarithm of how few captions have a form of it."""
+        most = max(self.words.values(), default=1)
+        return math.log(most / (1 + max(self.words.get(form, 0) for form in forms)))
 
     def neighbor(self, number: int, sentences: Float[np.ndarray, "sides width"]) -> Neighbor:
         """Returns a caption as a neighbor of a sentence, given as for `nearest`."""

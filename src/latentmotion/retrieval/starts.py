@@ -46,6 +46,10 @@ LONGEST_STRETCH = 1.4
 # Speed at which the joints go from one movement to the next, m/s; most seconds of it.
 _SEAM, _LONGEST_SEAM = 0.6, 1.6
 
+# Mean difference of the joints' heights in meters up to which two poses are the same, and from
+# which they differ as standing and sitting do.
+_SAME, _OTHER = 0.12, 0.25
+
 # Meters above the floor from which one has climbed.
 _UP = 0.3
 
@@ -170,6 +174,9 @@ class ClipStarts:
             for choice in choices
         ]
         parts = self._parts(choices, chosen, request)
+        needed = self._needed(parts)
+        choices, chosen = [choices[n] for n in needed], [chosen[n] for n in needed]
+        parts = [parts[n] for n in needed]
         if len(parts) > 1 and _climbs(" ".join(choice.sentence for choice in choices)):
             parts = self._staying_up(parts, choices)
         seams = [self._seam(*pair) for pair in pairwise(parts)]
@@ -277,6 +284,23 @@ class ClipStarts:
     ) -> Float[np.ndarray, "tokens width"]:
         """Returns the latents of a movement that is sampled from noise."""
         return self.encoder(self.sample(choice.sentence, request, frames))
+
+    def _needed(self, parts: Sequence[Float[np.ndarray, "_ width"]]) -> list[int]:
+        """Returns which movements in a row are needed: who lies after a shot falls no more.
+
+        One is left out that goes over to another pose, if the one before it ends in that pose.
+        Poses are compared by the heights of joints above the lowest.
+        """
+        needed: list[int] = []
+        before: np.ndarray | None = None
+        for number, part in enumerate(parts if len(parts) > 1 else ()):
+            heights = self._joints(part)[[0, -1], :, 1]
+            begin, end = heights - heights.min(axis=1, keepdims=True)
+            goes_over = np.abs(end - begin).mean() > _OTHER
+            if before is None or not goes_over or np.abs(end - before).mean() > _SAME:
+                needed.append(number)
+                before = end
+        return needed or [*range(len(parts))]
 
     def _seam(
         self, before: Float[np.ndarray, "_ width"], after: Float[np.ndarray, "_ width"]

@@ -23,7 +23,7 @@ from latentmotion.errors import FileFormatError, InputError
 from latentmotion.language.acts import lookups
 from latentmotion.language.claims import both_sides, mirror_words
 from latentmotion.language.reading import is_idle, request_of
-from latentmotion.language.words import named_sides, tokens_of
+from latentmotion.language.words import named_sides, refers_back, tokens_of
 from latentmotion.retrieval.index import (
     ABOUT,
     DRAWN,
@@ -82,7 +82,7 @@ def in_words_of_captions(
         text_encoder: The encoder of the index.
     """
     captions = [
-        None if number and _refers_back(movement) else _caption(movement, index, text_encoder)
+        None if number and refers_back(movement) else _caption(movement, index, text_encoder)
         for number, movement in enumerate(movements)
     ]
     if not any(captions):
@@ -90,12 +90,6 @@ def in_words_of_captions(
     return ", then ".join(
         caption or movement for caption, movement in zip(captions, movements, strict=True)
     )
-
-
-def _refers_back(movement: str) -> bool:
-    """Returns whether a part needs what is before it: "then lower it"."""
-    words = [token.text for token in tokens_of(movement)]
-    return len(words) <= 2 and not {"it", "them"}.isdisjoint(words)
 
 
 def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str | None:
