@@ -112,7 +112,10 @@ def straight_points(
     # Between points, too, so that the pace is kept.
     parts = [np.linspace(a, b, max(1, round(b - a)) + 1)[:-1] for a, b in pairwise(times)]
     every = np.append(np.concatenate(parts), times[-1])
-    return every, np.array([_along(time, times, curve.marks, path) for time in every])
+    part = np.minimum(np.searchsorted(times, every, "right") - 1, len(times) - 2)
+    pace, passed = _paces(path), every - times[part]
+    gain = np.diff(pace) / np.diff(times)  # a pace changes evenly between points
+    return every, curve.marks[part] + pace[part] * passed + gain[part] * passed**2 / 2
 
 
 def path_seconds(path: RootPath) -> float | None:
@@ -130,19 +133,6 @@ def _paced(path: RootPath, curve: Curve) -> Float[np.ndarray, " points"]:
     """Returns when a path passes its points at its pace, seconds."""
     pace = _paces(path)
     return np.cumsum([0.0, *(np.diff(curve.marks) / ((pace[1:] + pace[:-1]) / 2))])
-
-
-def _along(
-    time: float,
-    times: Float[np.ndarray, " points"],
-    marks: Float[np.ndarray, " points"],
-    path: RootPath,
-) -> float:
-    """Returns how far along a path is at a time, where its pace changes evenly between points."""
-    part = min(int(np.searchsorted(times, time, "right")) - 1, len(times) - 2)
-    pace, passed = _paces(path), time - times[part]
-    gain = (pace[part + 1] - pace[part]) / (times[part + 1] - times[part])
-    return float(marks[part] + pace[part] * passed + gain * passed**2 / 2)
 
 
 def bent(

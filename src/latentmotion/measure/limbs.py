@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.arrays import running_maximum
+from latentmotion.arrays import length, running_maximum
 from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event
 from latentmotion.measure.signals import (
     JOINT,
@@ -110,8 +110,8 @@ def kicks_of(signals: Signals) -> list[Event]:
     for index, side in enumerate(SIDES):
         foot = signals.of(f"{side}_ankle")
         away = foot - signals.of(f"{side}_hip")
-        reach = np.linalg.norm(away, axis=1)
-        swing = np.linalg.norm(np.gradient(smooth(away, 0.7), axis=0), axis=1) * FPS
+        reach = length(away)
+        swing = length(np.gradient(smooth(away, 0.7), axis=0)) * FPS
         straight = bend(signals, f"{side}_hip", f"{side}_knee", f"{side}_ankle")
         other_foot = np.minimum(signals.feet[:, 1 - index], 0.6) + 0.06  # higher on a stair
         height = foot[:, 1] - other_foot
@@ -225,7 +225,7 @@ def strides_of(signals: Signals) -> list[tuple[int, int]]:
     strides = []
     for name in ("left_foot", "right_foot"):
         toe = signals.joints[:, JOINT[name]]
-        moving = smooth(np.linalg.norm(np.gradient(toe[:, ::2], axis=0), axis=1) * FPS, 0.7) > 0.6
+        moving = smooth(length(np.gradient(toe[:, ::2], axis=0)) * FPS, 0.7) > 0.6
         for start, end in spans(moving, 3):
             travel = toe[min(end, len(toe) - 1), ::2] - toe[start, ::2]
             if float(np.linalg.norm(travel)) > 0.15:
@@ -344,7 +344,7 @@ def punches_of(signals: Signals) -> list[Event]:
     for side, other in (SIDES, SIDES[::-1]):
         away = signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder")
         other_away = signals.of(f"{other}_wrist") - signals.of(f"{other}_shoulder")
-        reach, other_reach = np.linalg.norm(away, axis=1), np.linalg.norm(other_away, axis=1)
+        reach, other_reach = length(away), length(other_away)
         speed = np.gradient(smooth(reach, 0.5)) * FPS
         jabs: list[Event] = []
         for top in peaks(smooth(reach, 0.5), 0.44, 0.1):
@@ -398,7 +398,7 @@ def claps_of(signals: Signals) -> list[Event]:
     people call a clap, 14 had claps with 25 cm, 4 have some with 16.
     """
     left, right = signals.of("left_wrist"), signals.of("right_wrist")
-    apart = smooth(np.linalg.norm(left - right, axis=1), 0.5)
+    apart = smooth(length(left - right), 0.5)
     high = 0.5 * (left[:, 1] + right[:, 1]) > signals.of("spine1")[:, 1]
     near = np.where(high, np.maximum(0.8 - apart, 0), 0)
     tops = peaks(near, 0.64, 0.1)
@@ -440,13 +440,13 @@ def _on_guard(signals: Signals, side: str) -> Bool[np.ndarray, " frames"]:
     away = signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder")
     outward = away[:, 0] * (1 if side == LEFT else -1)
     high = (away[:, 1] > -0.25) & (away[:, 1] < 0.2)
-    return high & (away[:, 2] > 0.08) & (outward < 0.15) & (np.linalg.norm(away, axis=1) < 0.47)
+    return high & (away[:, 2] > 0.08) & (outward < 0.15) & (length(away) < 0.47)
 
 
 def _hooks(signals: Signals, side: str, other: str) -> list[Event]:
     """Returns hooks and uppercuts: a bent arm that is very quick while the other is on guard."""
     wrist = signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder")
-    speed = np.linalg.norm(np.gradient(smooth(wrist, 0.5), axis=0), axis=1) * FPS
+    speed = length(np.gradient(smooth(wrist, 0.5), axis=0)) * FPS
     guarded = _on_guard(signals, other) | _on_guard(signals, side)
     hooks: list[Event] = []
     for top in peaks(speed, 4.0, 1.5):

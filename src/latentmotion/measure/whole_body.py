@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
+from latentmotion.arrays import length
 from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event, FloorPath, joined_moves
 from latentmotion.measure.signals import (
     JOINT,
@@ -115,7 +116,7 @@ def path_of(signals: Signals, turns: tuple[Event, ...]) -> FloorPath:
     net = points[-1] - points[0]
     c, s = np.cos(signals.heading[0]), np.sin(signals.heading[0])
     moving = signals.speed > MOVING
-    length = float(signals.speed[moving].sum() / FPS)
+    meters = float(signals.speed[moving].sum() / FPS)
     sideways, ahead = signals.velocity[moving].sum(axis=0) / FPS
     longest = max(turns, key=lambda turn: turn.amount, default=None)
     widening = 0.0
@@ -123,18 +124,18 @@ def path_of(signals: Signals, turns: tuple[Event, ...]) -> FloorPath:
         circle = points[longest.start : longest.end]
         third = len(circle) // 3
         first, last = (
-            float(np.linalg.norm(part - part.mean(axis=0), axis=1).mean())
+            float(length(part - part.mean(axis=0)).mean())
             for part in (circle[:third], circle[-third:])
         )
         widening = last / max(first, 0.05) - 1
     return FloorPath(
-        length=length,
+        length=meters,
         forward=float(s * net[0] + c * net[1]),
         left=float(c * net[0] - s * net[1]),
         ahead=float(ahead),
         sideways=float(sideways),
         turned=float(np.degrees(signals.heading[-1] - signals.heading[0])),
-        closed=length > 2 and float(np.linalg.norm(net)) < 0.3 * length,
+        closed=meters > 2 and float(np.linalg.norm(net)) < 0.3 * meters,
         widening=widening,
     )
 
@@ -262,7 +263,7 @@ def poses_of(signals: Signals) -> tuple[Event, ...]:
     knees = np.maximum(*(signals.of(f"{side}_knee")[:, 1] for side in SIDES))
     low = (signals.joints[:, 0, 1] < 0.7) & (hands < 0.4) & (knees < 0.45)
     crawls = low & (signals.lean > 40) & (signals.lean < 140)
-    at_head = [np.linalg.norm(wrist - signals.of("head"), axis=1) < 0.24 for wrist in wrists]
+    at_head = [length(wrist - signals.of("head")) < 0.24 for wrist in wrists]
     poses = [
         *_held("arms_out", _arm_out(signals, LEFT) & _arm_out(signals, RIGHT), BOTH),
         *_held("hands_on_hips", _akimbo(signals, LEFT) & _akimbo(signals, RIGHT), BOTH),
@@ -272,7 +273,7 @@ def poses_of(signals: Signals) -> tuple[Event, ...]:
     ]
     # Jumping jacks: feet go apart while the arms go up, and both come back.
     feet = signals.joints[:, JOINT["left_ankle"]] - signals.joints[:, JOINT["right_ankle"]]
-    apart = np.linalg.norm(feet[:, ::2], axis=1)
+    apart = length(feet[:, ::2])
     above = [(signals.of(f"{s}_wrist") - signals.of(f"{s}_shoulder"))[:, 1] for s in SIDES]
     for top in peaks(np.minimum(*above), 0.0, 0.3):
         widest = apart[max(top - 5, 0) : top + 6].max()
@@ -290,7 +291,7 @@ def stooped(signals: Signals) -> Bool[np.ndarray, " frames"]:
 def stillness(signals: Signals, slowest: float = 0.25) -> Bool[np.ndarray, " frames"]:
     """Returns the frames in which no joint is faster than `slowest` meters per second."""
     velocity = np.gradient(smooth(signals.joints, 1.5), axis=0) * FPS
-    return np.linalg.norm(velocity, axis=-1).max(axis=1) < slowest
+    return length(velocity).max(axis=1) < slowest
 
 
 def _held(kind: str, shown: Bool[np.ndarray, " frames"], side: str) -> list[Event]:
@@ -308,6 +309,6 @@ def _arm_out(signals: Signals, side: str) -> Bool[np.ndarray, " frames"]:
 def _akimbo(signals: Signals, side: str) -> Bool[np.ndarray, " frames"]:
     """Whether a hand is at the hip, the elbow bent and away from the body."""
     hip, elbow, wrist = (signals.of(f"{side}_{name}") for name in ("hip", "elbow", "wrist"))
-    near = np.linalg.norm(wrist - hip, axis=1) < 0.33
+    near = length(wrist - hip) < 0.33
     bent = bend(signals, f"{side}_shoulder", f"{side}_elbow", f"{side}_wrist") < 130
     return near & bent & (np.abs(elbow[:, 0]) > np.abs(wrist[:, 0]))
