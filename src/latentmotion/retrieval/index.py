@@ -169,7 +169,7 @@ class ClipIndex:
         return unit(self.embeddings.astype(np.float32))
 
     @cached_property
-    def _latest(self) -> dict[tuple[bool, bytes], Float[np.ndarray, "rows sides"]]:
+    def _latest(self) -> dict[tuple[bool, bytes], Float[np.ndarray, "sides rows"]]:
         # The cosines asked for last: the nearest of a sentence and their support follow each other.
         return {}
 
@@ -179,14 +179,15 @@ class ClipIndex:
 
     def _cosines(
         self, sentences: Float[np.ndarray, "sides width"], wordings: bool = False
-    ) -> Float[np.ndarray, "rows sides"]:
+    ) -> Float[np.ndarray, "sides rows"]:
         """Returns the cosines of sentences with captions, or with their wordings."""
         key = (wordings, sentences.tobytes())
         cosines = self._latest.get(key)
         if cosines is None:
             along = sentences @ self.directions if self.directions.size else sentences
             captions, others = np.split(self._units, [len(self.captions)])
-            cosines = (others if wordings else captions) @ unit(along).T
+            # Sides first: the larger of two is then found in a tenth of the time.
+            cosines = np.ascontiguousarray(((others if wordings else captions) @ unit(along).T).T)
             self._latest.clear()
             self._latest[key] = cosines
         return cosines
@@ -200,15 +201,16 @@ class ClipIndex:
             count: Number of captions.
         """
         cosines = self._cosines(sentences)
-        sides = cosines.argmax(axis=1)
-        best = cosines.max(axis=1)
+        best = cosines.max(axis=0)
         neighbors: dict[int, Neighbor] = {}
         for _ in range(min(count, len(self.captions))):
             row = int(best.argmax())
             caption = self.captions[row]
             if caption.clip in neighbors:  # no clip is left
                 break
-            neighbors[caption.clip] = Neighbor(caption, float(best[row]), bool(sides[row]))
+            neighbors[caption.clip] = Neighbor(
+                caption, float(best[row]), bool(cosines[:, row].argmax())
+            )
             best[self._clip_of == caption.clip] = -np.inf
         return list(neighbors.values())
 
@@ -227,7 +229,7 @@ class ClipIndex:
 
     def neighbor(self, number: int, sentences: Float[np.ndarray, "sides width"]) -> Neighbor:
         """Returns a caption as a neighbor of a sentence, given as for `nearest`."""
-        cosines = self._cosines(sentences)[number]
+        cosines = self._cosines(sentences)[:, number]
         return Neighbor(self.captions[number], float(cosines.max()), bool(cosines.argmax()))
 
     def nearest_by_wording(self, sentences: Float[np.ndarray, "sides width"]) -> Neighbor | None:
@@ -239,9 +241,9 @@ class ClipIndex:
         if not len(self.wordings):
             return None
         cosines = self._cosines(sentences, wordings=True)
-        row, side = np.unravel_index(cosines.argmax(), cosines.shape)
+        side, row = np.unravel_index(cosines.argmax(), cosines.shape)
         caption = self.captions[self.wordings[row]]
-        return Neighbor(caption, float(cosines[row, side]), bool(side))
+        return Neighbor(caption, float(cosines[side, row]), bool(side))
 
     def support(self, sentences: Float[np.ndarray, "sides width"]) -> int:
         """Returns the largest support of the captions that are about as near as the nearest.
@@ -251,7 +253,7 @@ class ClipIndex:
         Args:
             sentences: As for `nearest`.
         """
-        cosines = self._cosines(sentences).max(axis=1)
+        cosines = self._cosines(sentences).max(axis=0)
         near = np.flatnonzero(cosines >= cosines.max() - ABOUT)
         return max(self.captions[row].support for row in near.tolist())
 
