@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -205,11 +205,4 @@ def whole_step(fps: float, native_fps: float) -> int | None:
 
 def every(animation: Animation, step: int, start: int = 0) -> Animation:
     """Returns every `step`-th frame from `start` on."""
-    translations = animation.translations
-    return Animation(
-        skeleton=animation.skeleton,
-        rotations=animation.rotations[start::step],
-        root_positions=animation.root_positions[start::step],
-        fps=animation.fps / step,
-        translations=None if translations is None else translations[start::step],
-    )
+    return replace(animation.picked(slice(start, None, step)), fps=animation.fps / step)

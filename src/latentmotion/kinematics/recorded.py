@@ -51,14 +51,7 @@ class Recorded:
 
     def cut(self, first: int, stop: int) -> Recorded:
         """Returns some of its frames."""
-        translations = self.animation.translations
-        part = replace(
-            self.animation,
-            rotations=self.animation.rotations[first:stop],
-            root_positions=self.animation.root_positions[first:stop],
-            translations=None if translations is None else translations[first:stop],
-        )
-        return replace(self, animation=part)
+        return replace(self, animation=self.animation.picked(slice(first, stop)))
 
     def resampled(self, fps: float) -> Recorded:
         """Returns it at another frame rate."""

@@ -226,6 +226,12 @@ class Animation:
             self.rotations, self.root_positions, self.translations
         )
 
+    def picked(self, frames: slice | np.ndarray) -> Animation:
+        """Returns some of its frames, at the same rate."""
+        translations = None if self.translations is None else self.translations[frames]
+        rotations, root_positions = self.rotations[frames], self.root_positions[frames]
+        return Animation(self.skeleton, rotations, root_positions, self.fps, translations)
+
     def resampled(self, fps: float) -> Animation:
         """Returns the animation at another frame rate: frame i is the pose at i / fps seconds.
 

@@ -191,13 +191,7 @@ def make_bodies(
         raise InputError(f"cannot draw joints {shown}, …; expected a body with left_hip, right_hip")
     mannequin, animation = figure(motion)
     chosen = np.arange(len(motion)) if frames is None else np.asarray(frames)
-    translations = animation.translations
-    picked = replace(
-        animation,
-        rotations=animation.rotations[chosen],
-        root_positions=animation.root_positions[chosen],
-        translations=None if translations is None else translations[chosen],
-    )
+    picked = animation.picked(chosen)
     vertices, normals = mannequin.pose(picked)
     joints = picked.joints()[:, np.unique(mannequin.joints[mannequin.weights > 0])]
     if animation.skeleton.names == names:

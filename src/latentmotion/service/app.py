@@ -111,10 +111,9 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
         responses=_PROBLEMS,
     )
     app.state.service = service
-    app.add_exception_handler(HTTPException, problems.on_http)
+    for kind in (HTTPException, LatentMotionError, OSError):
+        app.add_exception_handler(kind, problems.on_error)
     app.add_exception_handler(RequestValidationError, problems.on_fields)
-    app.add_exception_handler(LatentMotionError, problems.on_input)
-    app.add_exception_handler(OSError, problems.on_disk)
     app.add_exception_handler(ClientGoneError, _on_gone)
     app.add_exception_handler(Exception, problems.on_failure)
     for routes in (_health, _motions, uploads.routes, streams.routes):

@@ -76,26 +76,16 @@ async def refuse_stream(problem: Problem, scope: Scope, receive: Receive, send: 
         await send({"type": "websocket.close", "code": 1008, "reason": problem.detail[:120]})
 
 
-async def on_http(request: Request, error: Exception) -> Response:
-    """Answers errors of HTTP."""
-    assert isinstance(error, HTTPException)
-    return problem_response(error.status_code, str(error.detail), error.headers)
-
-
-async def on_input(request: Request, error: Exception) -> Response:
-    """Answers our own errors."""
-    assert isinstance(error, LatentMotionError)
+async def on_error(request: Request, error: Exception) -> Response:
+    """Answers errors of HTTP, our own, and a full disk."""
+    if isinstance(error, HTTPException):
+        return problem_response(error.status_code, str(error.detail), error.headers)
     if is_disk_full(error):
-        return await on_disk(request, error)
-    return problem_response(422, str(error))
-
-
-async def on_disk(request: Request, error: Exception) -> Response:
-    """Answers a full disk; every other error of the system is the service's own."""
-    if not is_disk_full(error):
-        raise error
-    print(f"error: {error}", file=sys.stderr)
-    return problem_response(507, FULL_DISK, {"Retry-After": "60"})
+        print(f"error: {error}", file=sys.stderr)
+        return problem_response(507, FULL_DISK, {"Retry-After": "60"})
+    if isinstance(error, LatentMotionError):
+        return problem_response(422, str(error))
+    raise error  # every other error of the system is the service's own
 
 
 async def on_fields(request: Request, error: Exception) -> Response:

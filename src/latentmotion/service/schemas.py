@@ -95,41 +95,38 @@ class RequestModel(BaseModel):
         return data
 
 
-class JointGoal(RequestModel):
+class _TimedGoal(RequestModel):
+    """A goal at a time, or from then on until another."""
+
+    at: Number
+    """Seconds."""
+    until: Number | None = None
+    """Seconds until which it stays so."""
+
+
+class JointGoal(_TimedGoal):
     """A joint, or a part of a hand, is at a place at a time, or from then on until another."""
 
     joint: str = Field(max_length=100, examples=["right_wrist"])
     """Name of the joint, or `right_hand`, `right_fingertips` and the like."""
-    at: Number
-    """Seconds."""
     to: tuple[Number | None, Number | None, Number | None]
     """x, y and z, meters; null leaves a coordinate free."""
-    until: Number | None = None
-    """Seconds until which it stays there."""
     relative_to: str | None = Field(None, max_length=100)
     """Joint from which the place counts: x to the body's left, y up, z ahead."""
 
 
-class HeadingGoal(RequestModel):
+class HeadingGoal(_TimedGoal):
     """The body faces a direction at a time, or from then on until another."""
 
-    at: Number
-    """Seconds."""
     degrees: Number
     """0 is +z, 90 is +x."""
-    until: Number | None = None
-    """Seconds until which it faces there."""
 
 
-class LookGoal(RequestModel):
+class LookGoal(_TimedGoal):
     """The eyes look at a point at a time, or from then on until another."""
 
-    at: Number
-    """Seconds."""
     to: tuple[Number, Number, Number]
     """x, y and z, meters."""
-    until: Number | None = None
-    """Seconds until which they look there."""
 
 
 class PathGoal(RequestModel):

@@ -152,10 +152,8 @@ def convert(task: dict[str, Any], content: bytes) -> Reply:
     motions = formats.load(task["file"])
     if task["clean"] is not None:
         motions = clean_batch(motions, CleanUp(**task["clean"]))
-    if task["fps"] is not None:
-        motions = [motion.resampled(task["fps"]) for motion in motions]
-    file, form = encoded(motions, task["format"])
-    return _leave(file, form)
+    head, file = _encoded(task, motions)
+    return _leave(file, head["format"])
 
 
 def retarget(task: dict[str, Any], content: bytes) -> Reply:

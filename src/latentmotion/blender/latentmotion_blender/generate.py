@@ -56,12 +56,40 @@ class GenerationTask:
         self.target = target.name if target else None
         self.bones: dict[str, str] | None = None
         """The bone of each joint of a retargeted motion; by name if None."""
-        directed = _directed(context, self.settings, self.fps, target)
+        directed = self._directed(context, target)
         self.folder = Path(tempfile.mkdtemp(prefix="latentmotion-"))
         self.scene = self.folder / "scene.json" if directed else None
         if directed and self.scene:
             write_scene(directed, self.scene)
         self.job = CommandJob(self._calls(), self.folder)
+
+    def _directed(self, context: bpy.types.Context, target: bpy.types.Object | None) -> dict | None:
+        """Returns the scene file of goals or markers, or None where the sentence is all."""
+        scene, settings = context.scene, self.settings
+        if settings["directed_by"] == "SENTENCE":
+            return None
+        origin = target.matrix_world.translation if target else scene.cursor.location
+        turn = target.matrix_world.to_quaternion() if target else None
+        heading = 2 * math.atan2(turn.z, turn.w) if turn else 0.0
+        place = Place(tuple(origin), heading, scene.frame_start, self.fps)
+        if settings["directed_by"] == "MARKERS":
+            markers = [(marker.name, marker.frame) for marker in scene.timeline_markers]
+            return marker_scene(settings["prompt"], markers, place, scene.frame_end)
+        goals, paths, now = [], [], (scene.frame_current, scene.frame_subframe)
+        for item in scene.objects:
+            joint = joint_of(item)
+            for frame in frames_of(item, _curves(item)) if joint else []:
+                scene.frame_set(int(frame // 1), subframe=frame % 1)
+                goals.append(Goal(joint, frame, tuple(item.matrix_world.translation)))
+            if item.type == "CURVE" and item.name.partition(".")[0] == "path":
+                paths.append(item)
+        scene.frame_set(now[0], subframe=now[1])
+        if len(paths) > 1:
+            raise ValueError(f"{len(paths)} curves named path: a motion follows one")
+        points = [
+            item.matrix_world @ Vector(p) for item in paths for p in path_points(item.data.splines)
+        ]
+        return goal_scene(settings["prompt"], settings["seconds"], goals, points, place)
 
     def _calls(self) -> Iterator[list[str]]:
         """Yields the calls of the command; the later ones depend on the files of the first."""
@@ -150,37 +178,6 @@ class GenerationTask:
 
 
 _SETTINGS = ("prompt", "seconds", "seed", "takes", "model", "directed_by")
-
-
-def _directed(
-    context: bpy.types.Context, settings: dict, fps: float, target: bpy.types.Object | None
-) -> dict | None:
-    """Returns the scene file of goals or markers, or None where the sentence is all."""
-    scene, by = context.scene, settings["directed_by"]
-    if by == "SENTENCE":
-        return None
-    origin = target.matrix_world.translation if target else scene.cursor.location
-    turn = target.matrix_world.to_quaternion() if target else None
-    heading = 2 * math.atan2(turn.z, turn.w) if turn else 0.0
-    place = Place(tuple(origin), heading, scene.frame_start, fps)
-    if by == "MARKERS":
-        markers = [(marker.name, marker.frame) for marker in scene.timeline_markers]
-        return marker_scene(settings["prompt"], markers, place, scene.frame_end)
-    goals, paths, now = [], [], (scene.frame_current, scene.frame_subframe)
-    for item in scene.objects:
-        joint = joint_of(item)
-        for frame in frames_of(item, _curves(item)) if joint else []:
-            scene.frame_set(int(frame // 1), subframe=frame % 1)
-            goals.append(Goal(joint, frame, tuple(item.matrix_world.translation)))
-        if item.type == "CURVE" and item.name.partition(".")[0] == "path":
-            paths.append(item)
-    scene.frame_set(now[0], subframe=now[1])
-    if len(paths) > 1:
-        raise ValueError(f"{len(paths)} curves named path: a motion follows one")
-    points = [
-        item.matrix_world @ Vector(p) for item in paths for p in path_points(item.data.splines)
-    ]
-    return goal_scene(settings["prompt"], settings["seconds"], goals, points, place)
 
 
 def _curves(item: bpy.types.Object) -> list[bpy.types.FCurve]:
