@@ -15,7 +15,7 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from latentmotion.blender.build import SOURCE, build_zip, own_command
+from latentmotion.blender import SOURCE, build_zip, own_command
 from latentmotion.cli.main import main
 from latentmotion.control.goals import Reach, RootPath
 from latentmotion.control.scene import read_scene

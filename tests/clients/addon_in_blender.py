@@ -111,7 +111,7 @@ def press_in_window() -> dict[str, object]:
         "looks": len(looks),
         "longest_look_s": max(looks[:-1]),
         "escaped": [*escaped],
-        "left": generate.is_running() or task.folder.exists(),
+        "left": generate.GenerationTask.running is not None or task.folder.exists(),
     }
 
 

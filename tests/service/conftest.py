@@ -75,10 +75,10 @@ class InLoop(httpx.BaseTransport):
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         async def answered() -> httpx.Response:
-            asked = httpx.Request(
+            copied = httpx.Request(
                 request.method, request.url, headers=request.headers, content=request.read()
             )
-            answer = await self.transport.handle_async_request(asked)
+            answer = await self.transport.handle_async_request(copied)
             headers, content = answer.headers, await answer.aread()
             return httpx.Response(answer.status_code, headers=headers, content=content)
 

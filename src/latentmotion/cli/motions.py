@@ -11,7 +11,7 @@ import numpy as np
 from tyro.conf import arg
 
 from latentmotion import formats, robots
-from latentmotion.blender.build import build_zip, own_command
+from latentmotion.blender import build_zip, own_command
 from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.cleanup.pipeline import Changes, CleanUpWarning, floor_under
 from latentmotion.cli import options

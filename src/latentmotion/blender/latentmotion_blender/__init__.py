@@ -6,13 +6,12 @@ directing.py   empties, a curve and markers -> a scene file
 bones.py       rotations of a motion's joints -> rotations of an armature's bones
 actions.py     these rotations as an Action's curves
 settings.py    the panel's fields and the add-on's preferences
-generate.py    the operator
-panel.py       the sidebar
+generate.py    the operator and the sidebar
 """
 
 import bpy
 
-from . import generate, panel, settings
+from . import generate, settings
 
 bl_info = {
     "name": "Latent Motion",
@@ -24,7 +23,7 @@ bl_info = {
     "category": "Animation",
 }
 
-_CLASSES = (settings.AddonSettings, settings.Preferences, *generate.CLASSES, panel.Panel)
+_CLASSES = (settings.AddonSettings, settings.Preferences, *generate.CLASSES)
 
 
 def register() -> None:

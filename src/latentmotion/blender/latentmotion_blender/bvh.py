@@ -124,8 +124,8 @@ def write_rest(
         inside = [line for child in below for line in block(child)]
         tip = ["End Site", "{", f"OFFSET {_triple(tips[joint] - positions[joint])}", "}"]
         kind = "ROOT" if parents[joint] < 0 else "JOINT"
-        place = [f"OFFSET {_triple(offsets[joint])}", f"CHANNELS {channels}"]
-        return [f"{kind} {names[joint]}", "{", *place, *(inside or tip), "}"]
+        head = [f"OFFSET {_triple(offsets[joint])}", f"CHANNELS {channels}"]
+        return [f"{kind} {names[joint]}", "{", *head, *(inside or tip), "}"]
 
     lines = ["HIERARCHY", *block(0), "MOTION", "Frames: 1", "Frame Time: 0.033333"]
     path.write_text("\n".join([*lines, " ".join(values)]) + "\n", encoding="utf-8")

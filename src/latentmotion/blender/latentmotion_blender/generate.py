@@ -1,4 +1,4 @@
-"""Generate: runs the command in the background and makes Actions of the motions.
+"""Generate: runs the command in the background and makes Actions of the motions; the sidebar.
 
 A selected armature whose bones have the motion's joint names gets the motion by name, any other
 through `latentmotion retarget`. With no armature selected, our mannequin is imported.
@@ -204,16 +204,6 @@ def target_of(context: bpy.types.Context) -> bpy.types.Object | None:
     return armature if armature is not None and len(armature.data.bones) else None
 
 
-def last_error() -> list[str]:
-    """Returns the lines of the last error."""
-    return textwrap.wrap(GenerationTask.error, _LINE)
-
-
-def is_running() -> bool:
-    """Returns whether a job is running."""
-    return GenerationTask.running is not None
-
-
 def stop() -> None:
     """Ends the running job, if any."""
     if GenerationTask.running is not None:
@@ -231,7 +221,7 @@ class GenerateMotions(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Returns whether the button can be pressed: one job at a time."""
-        return not is_running() and context.mode in {"OBJECT", "POSE"}
+        return GenerationTask.running is None and context.mode in {"OBJECT", "POSE"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Starts the job; without a window, as in scripts, returns when it is done."""
@@ -297,4 +287,37 @@ class Cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (GenerateMotions, Cancel)
+class Panel(bpy.types.Panel):
+    """The tab in the 3D view's sidebar (N): prompt, length, seed, takes, model, and the button."""
+
+    bl_idname = "VIEW3D_PT_latentmotion"
+    bl_label = "Latent Motion"
+    bl_category = "Latent Motion"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draws the fields and buttons of the panel."""
+        layout, settings = self.layout, context.scene.latentmotion
+        layout.use_property_split = True
+        layout.prop(settings, "prompt")
+        column = layout.column(align=True)
+        for name in ("seconds", "seed", "takes"):
+            column.prop(settings, name)
+        layout.prop(settings, "directed_by")
+        layout.prop(settings, "model")
+        target = target_of(context)
+        layout.label(
+            text=f"Onto {target.name}" if target else "Onto a new mannequin",
+            icon="ARMATURE_DATA",
+        )
+        if GenerationTask.running is not None:
+            layout.label(text="Generating ...", icon="SORTTIME")
+            layout.operator(Cancel.bl_idname, icon="CANCEL")
+        else:
+            layout.operator(GenerateMotions.bl_idname, icon="PLAY")
+        for line in textwrap.wrap(GenerationTask.error, _LINE):
+            layout.label(text=line, icon="ERROR")
+
+
+CLASSES = (GenerateMotions, Cancel, Panel)
