@@ -438,6 +438,7 @@ def forms(verb: str) -> Mapping[str, str]:
     return names | {verb: "base"}
 
 
+@lru_cache(maxsize=4096)
 def other_forms(word: str) -> frozenset[str]:
     """Returns all forms of the verbs, and of regular nouns, that a word may be a form of.
 

@@ -222,10 +222,14 @@ class ClipIndex:
             rows.setdefault(caption.clip, []).append(number)
         return rows
 
+    @cached_property
+    def _most(self) -> int:
+        # Captions that have the most frequent word.
+        return max(self.words.values(), default=1)
+
     def weight(self, forms: Collection[str]) -> float:
         """Returns how much a word says: the logarithm of how few captions have a form of it."""
-        most = max(self.words.values(), default=1)
-        return math.log(most / (1 + max(self.words.get(form, 0) for form in forms)))
+        return math.log(self._most / (1 + max(self.words.get(form, 0) for form in forms)))
 
     def neighbor(self, number: int, sentences: Float[np.ndarray, "sides width"]) -> Neighbor:
         """Returns a caption as a neighbor of a sentence, given as for `nearest`."""
