@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -56,6 +57,9 @@ _UP = 0.3
 # Most seconds of a movement that is sampled beside others from clips.
 LONGEST_SAMPLED = 4.0
 
+# Movements that are kept as features, some 80 kB each.
+_KEPT = 16
+
 # Cosine of both upper limbs with the line between the shoulders, and seconds of it at the start,
 # from which a recording begins with a calibration.
 _HELD_OUT, _CALIBRATION = 0.6, 0.3
@@ -95,8 +99,21 @@ class ClipStarts:
     def _decoded(
         self, latents: Float[np.ndarray, "tokens width"]
     ) -> Float[np.ndarray, "frames features"]:
-        frames = len(latents) * self._frames_per_token
-        return self.decode(latents[None], prefix_mask([frames]))[0]
+        key = latents.tobytes()
+        features = self._latest.get(key)
+        if features is None:
+            frames = len(latents) * self._frames_per_token
+            features = self.decode(latents[None], prefix_mask([frames]))[0]
+            if len(self._latest) >= _KEPT:
+                self._latest.clear()
+            self._latest[key] = features
+        return features
+
+    @cached_property
+    def _latest(self) -> dict[bytes, Float[np.ndarray, "frames features"]]:
+        # What was decoded last: the ends of a movement are compared with those before it and after
+        # it, and takes of a sentence share their clips. Decoding takes 2 ms each time.
+        return {}
 
     def _calibrates(self, features: Float[np.ndarray, "frames features"]) -> int:
         """Returns how many tokens a recording begins with both arms held out, for calibration."""
