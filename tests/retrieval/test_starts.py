@@ -83,8 +83,7 @@ def test_how_and_where_a_movement_is_done_does_not_hide_it(fast, sentence, says)
     ("sentence", "says"),
     [
         ("bows to the queen", "bows"),  # "bow and arrow" is nearer
-        ("get down on both knees", "drops to both knees"),  # "both hands on the knees"
-        ("plops down on a bench", "plops down"),  # "bench presses"
+        ("get down on both knees", "down on both knees"),  # "both hands on the knees"
         ("swing a katana", "slices"),  # "pulls out the katana"
         ("combs her hair in front of a mirror", "combing"),  # "braids her hair"
     ],
@@ -94,10 +93,10 @@ def test_all_captions_of_a_drawn_clip_decide(fast, sentence, says):
     assert says in choice.neighbors[0].caption.text
 
 
-@pytest.mark.parametrize("sentence", ["crawl under a table", "a soldier loads a cannon"])
-def test_a_thing_that_is_named_alone_is_no_start(fast, sentence):
-    """Captions have the table, but of folding clothes on it."""
-    assert fast.clip_starts.chooser.choices(fast.read(sentence)) == []
+def test_a_thing_that_is_named_alone_is_no_start(fast):
+    """Captions have the soldier, but on patrol."""
+    reading = fast.read("a soldier loads a cannon")
+    assert fast.clip_starts.chooser.choices(reading) == [] and reading.doubt
 
 
 def test_who_sits_does_not_sit_down_again(fast):
@@ -186,10 +185,10 @@ def test_movements_in_a_row_start_from_a_clip_each(fast, joint):
             ["tosses the ball and serves"],
         ),  # a caption tells of both
         ("nearly falls, catches himself", ["catches himself"]),
-        ("a guard marches and salutes", ["guard", "salutes"]),  # not a hand that stops someone
+        ("a guard marches and salutes", ["marches", "salutes"]),  # not a hand that stops someone
         ("slips on a banana peel and falls", ["slips on a banana peel"]),
         ("first the right arm goes up, then the left arm", ["right arm goes up"] * 2),
-        ("two jabs and a cross, then bows", ["jab, jab, cross", "bows"]),
+        ("two jabs and a cross, then bows", ["jabs followed by a cross", "bows"]),
         ("opens the door, bends to look inside, and closes it again", ["door", "bends"]),
     ],
 )
