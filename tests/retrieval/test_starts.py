@@ -84,6 +84,7 @@ def test_how_and_where_a_movement_is_done_does_not_hide_it(fast, sentence, says)
     [
         ("bows to the queen", "bows"),  # "bow and arrow" is nearer
         ("get down on both knees", "down on both knees"),  # "both hands on the knees"
+        ("plops down on a bench", "plops down"),  # "bench presses"
         ("swing a katana", "slices"),  # "pulls out the katana"
         ("combs her hair in front of a mirror", "combing"),  # "braids her hair"
     ],
@@ -467,3 +468,11 @@ def test_a_sentence_near_a_taught_clip_is_read_as_it_stands(fast):
 @pytest.mark.parametrize("idle", ["someone", "person, then walk forward"])
 def test_a_subject_alone_is_no_movement(fast, idle):
     assert fast.read(idle).caption is None
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_movement_that_both_sides_show_starts_from_no_mirror_image(fast, side):
+    motions = [fast(f"cartwheel to the {side}", seed=seed, takes=1) for seed in (0, 1)]
+    for motion in motions:
+        (clip,) = motion.metadata["from_clips"]
+        assert side in clip["caption"] and not clip["mirrored"]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.language.words import content_words, other_forms
+from latentmotion.language.words import content_words, named_sides, other_forms
 from latentmotion.retrieval.index import ABOUT, DRAWN, ClipIndex, Neighbor
 
 # Weights of the mean cosine of all captions of a clip, and of the share of a sentence's words that
@@ -27,6 +27,9 @@ BY_ALL, BY_WORDS = 0.5, 0.3
 NEARLY_ALIKE, LEAST_SUM = 0.8, 0.75
 
 MOST_COMPARED = 16  # Clips among which those that fit best are looked for.
+
+# How much nearer a mirror image has to be than a clip of the side that is asked for.
+MIRRORED = 0.02
 
 ALIKE = 0.03  # How much worse than the best a clip may fit to be another start.
 
@@ -87,6 +90,16 @@ def fitting(
         sentence: The sentence.
         index: The clips.
     """
+    named = named_sides(sentence)
+    itself = max(
+        (n.cosine for n in near if named and named == named_sides(n.caption.text)), default=0.0
+    )
+    # No mirror image of a drawn clip where another shows the side itself.
+    near = [
+        n
+        for n in near
+        if n.caption.support != DRAWN or not n.mirrored or n.cosine > itself + MIRRORED
+    ]
     fits = {n: fit(n, sides, sentence, index) for n in near if n.caption.support == DRAWN}
     best = sorted(fits, key=lambda neighbor: -fits[neighbor].score)
     least = fits[best[0]].score - ALIKE if best else 0.0
