@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.data.clip import Split, TaggedSentence
-from latentmotion.errors import DataError
+from latentmotion.errors import DataError, InputError
 from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
 from latentmotion.kinematics.skeleton import Animation, interpolate
