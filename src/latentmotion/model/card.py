@@ -33,7 +33,13 @@ from latentmotion.diffusion.parametrization import (
 )
 from latentmotion.diffusion.schedule import AnySchedule
 from latentmotion.errors import InputError, MissingExtraError, ModelError, hint
-from latentmotion.model.config import DenoiserConfig, LatentSpace, Sampling, VAEConfig
+from latentmotion.model.config import (
+    DenoiserConfig,
+    FewStepConfig,
+    LatentSpace,
+    Sampling,
+    VAEConfig,
+)
 from latentmotion.storage import limits
 from latentmotion.storage.configuration import from_json, read_plain, write_json
 
