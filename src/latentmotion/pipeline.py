@@ -56,7 +56,13 @@ from latentmotion.engine.backend import (
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import LazySession, PickledByFields, Runtime, Session
 from latentmotion.errors import InputError, ModelError
-from latentmotion.language.reading import asked_exactly, stays_on_floor, usual_range
+from latentmotion.language.reading import (
+    asked_exactly,
+    counted_range,
+    request_of,
+    stays_on_floor,
+    usual_range,
+)
 from latentmotion.language.translation import in_english
 from latentmotion.model import card as cards
 from latentmotion.model.card import DEFAULT, ModelCard
@@ -595,8 +601,9 @@ class MotionPipeline(PickledByFields):
         reads = self.card.condition.reads_text
         _, most = (usual_range(sentence) if reads else None) or (0.0, np.inf)
         longest = min(self.card.frames[1], most * self.representation.fps)
-        # A count is of one of several movements, and the others may look like it.
-        counted = any_length and (start is None or start.movements == 1)
+        # A count is of one of several movements; others that claim nothing may look like it.
+        named = len(request_of(sentence).claims) if reads else 0
+        counted = any_length and (start is None or start.movements <= max(named, 1))
         return replace(
             asked_exactly(sentence, counted) if reads else NO_CORRECTIONS,
             sharpens=True,
@@ -801,7 +808,8 @@ class MotionPipeline(PickledByFields):
     ) -> list[float] | None:
         """Returns the length in seconds that the model predicts for each prompt.
 
-        It is no shorter or longer than a single act usually lasts (`language.reading`).
+        It is no shorter or longer than a single act, or as many repetitions as the prompt asks
+        for, usually last (`language.reading`).
 
         Args:
             prompts: The prompts.
@@ -818,7 +826,8 @@ class MotionPipeline(PickledByFields):
             return None
         shares = quantiles or [0.5] * len(prompts)
         lengths = self.lengths.usual(self.condition.encoder(prompts).pooled, shares)
-        every = zip(lengths, shares, map(usual_range, prompts), strict=True)
+        ranges = [usual_range(prompt) or counted_range(prompt) for prompt in prompts]
+        every = zip(lengths, shares, ranges, strict=True)
         return [within(length, share, limits) for length, share, limits in every]
 
     def guided(self, sampling: Sampling) -> ParametrizedDenoiser:

@@ -42,6 +42,7 @@ def counted(motion: Motion, act: str, side: str = "") -> int:
         (acted.bow(3), "bow", "", 3, 1),
         (acted.jack(2), "jack", "", 2, 4),
         (acted.raise_hand("left", 1), "raise", "left", 1, 2),
+        (acted.clap(5), "clap", "", 5, 3),
     ],
 )
 def test_it_is_done_as_often_as_asked(
@@ -90,6 +91,23 @@ def test_half_a_repetition_is_neither_counted_nor_repeated() -> None:
     exact = clean(motion, corrections=corrections)
     found = repetitions(exact.joints.astype(np.float64), "kick")
     assert found and (len(found.full), found.weak) == (3, ())
+
+
+def test_half_a_repetition_beside_the_right_number_goes() -> None:
+    part = acted.bump(30, 7.5, 15, 22.5)[:, None] * np.array([0.0, 0.33, 0.4])
+    swing = acted.Body(frames=30, feet={"right": part}).joints()
+    kicks = acted.in_sequence(acted.kick("left", 2), swing)
+    motion, corrections = asks(kicks, "kick", 2)
+    exact = clean(motion, corrections=corrections)
+    found = repetitions(exact.joints.astype(np.float64), "kick")
+    assert found and (len(found.full), found.weak) == (2, ()) and len(exact) < len(kicks)
+
+
+def test_what_follows_the_repetitions_stays() -> None:
+    follows = acted.in_sequence(acted.stand(1.5), acted.bow(1), acted.stand(1.0))
+    motion, corrections = asks(acted.in_sequence(acted.clap(5), follows), "clap", 2)
+    exact = clean(motion, corrections=corrections)
+    assert counted(exact, "clap") == 2 and counted(exact, "bow") == 1
 
 
 def test_a_path_goes_on_the_way_that_the_body_faces() -> None:

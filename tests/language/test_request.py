@@ -9,8 +9,10 @@ from latentmotion.language.claims import Claim
 from latentmotion.language.reading import (
     asked_exactly,
     claims_of,
+    counted_range,
     request_of,
     stays_on_floor,
+    told_in_order,
     usual_range,
 )
 
@@ -75,6 +77,7 @@ def test_orders_and_verbs_that_are_left_out(prompt: str, kinds: str) -> None:
         ("walk exactly four steps", "step", "", 4),
         ("raise both arms two times", "raise", "both", 2),
         ("squat down and stand up twice", "squat", "", 2),
+        ("clap three times", "clap", "", 3),
         ("walk forward, then bow twice", "bow", "", 2),
     ],
 )
@@ -86,8 +89,9 @@ def test_a_count_is_asked(prompt: str, act: str, side: str, times: int) -> None:
 @pytest.mark.parametrize(
     "prompt",
     ["jump", "a few jumps", "several kicks", "jump two or three times", "kick at least twice",
-     "two people kick", "wave twice", "clap three times", "jump twice, then kick twice",
-     "walk forward, then take two steps back", "kick twice, then kick with the left leg",
+     "two people kick", "wave twice", "jump twice, then kick twice",
+     "walk forward, then take two steps back", "takes two steps and kicks",
+     "kick twice, then kick with the left leg",
      "jump about three times", "kick 2-3 times", ""],
 )  # fmt: skip
 def test_no_exact_count_is_asked(prompt: str) -> None:
@@ -121,6 +125,38 @@ def test_captions_are_read_as_before() -> None:
 )
 def test_a_single_act_has_a_usual_range(prompt: str, expected: tuple[float, float] | None) -> None:
     assert usual_range(prompt) == expected
+
+
+@pytest.mark.parametrize(
+    ("prompt", "seconds"),
+    [("kick three times", 3.6), ("raise both arms twice", 3.2), ("jump three times", None),
+     ("kick", None), ("kick twice, then bow", None), ("", None)],
+)  # fmt: skip
+def test_repetitions_last_as_long_as_so_many_do(prompt: str, seconds: float | None) -> None:
+    limits = counted_range(prompt)
+    assert (limits and sum(limits) / 2) == (seconds and pytest.approx(seconds))
+
+
+@pytest.mark.parametrize(
+    ("prompt", "told"),
+    [
+        ("before sitting down he waves", "he waves, then sits down"),
+        ("before the man sits down, he waves", "he waves, then the man sits down"),
+        ("she kicks after a bow", "a bow, then she kicks"),
+        ("walks after standing up, then sits", "stands up, then walks, then sits"),
+        ("raises the left arm, then the right", "raises the left arm, then raises the right"),
+        ("waves with the left hand, then with the right one",
+         "waves with the left hand, then waves with the right one"),
+        ("he kicks once with each leg",
+         "he kicks once with the left leg, then kicks once with the right leg"),
+        *((same, same) for same in (
+            "he runs after the ball", "she stands before the king", "one after another they jump",
+            "wave after wave", "holds a sword in each hand", "looks left, then right", "after", "",
+        )),
+    ],
+)  # fmt: skip
+def test_acts_are_told_in_the_order_of_time(prompt: str, told: str) -> None:
+    assert told_in_order(prompt) == told and told_in_order(told) == told
 
 
 @pytest.mark.parametrize(

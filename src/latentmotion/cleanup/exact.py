@@ -43,6 +43,10 @@ _APART = 0.3
 # Most that feet may slide in a transition on average, m/s, and a joint may jerk, m/s³.
 _SLIDE, _JERK = 0.3, 1200.0
 
+# Seconds before the first and after the last repetition in which pieces begin and end: what is
+# farther away is another act.
+_AROUND = 1.0
+
 # Cycles that are tried, the nearest first.
 _TRIES = 6
 
@@ -77,7 +81,9 @@ def exact_count(
         return cleaned
     joints = cleaned.joints.astype(np.float64)
     repeated = repetitions(joints, asked.act, asked.side)
-    if repeated is None or not repeated.full or len(repeated.full) in asked.wanted:
+    if repeated is None or not repeated.full:
+        return cleaned
+    if len(repeated.full) in asked.wanted and not repeated.weak:
         return cleaned
     for pieces in _arrangements(joints, repeated, asked):
         raw, (start, *others) = motion.joints.astype(np.float64), pieces
@@ -103,7 +109,10 @@ def _arrangements(joints: Joints, found: Repetitions, asked: Count) -> list[Piec
     They are a start, a cycle so many times, and an end, without weak repetitions.
     """
     frames, final, all_of_them = np.arange(len(joints)), len(joints) - 1, len(found.full)
-    free = (frames >= 2) & (frames <= final - 3)
+    moments = [*found.weak, *(frame for event in found.full for frame in (event.start, event.end))]
+    around = round(_AROUND * HUMANML3D_FEATURES.fps)
+    free = (frames >= max(2, min(moments) - around)) & (frames <= final - 3)
+    free &= frames <= max(moments) + around
     for event in found.full if asked.act != "step" else ():  # one foot or the other always steps
         free[event.start + 1 : event.end] = False
     passed = _passed([0.5 * (event.start + event.end) for event in found.full], frames)

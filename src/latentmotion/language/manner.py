@@ -87,7 +87,7 @@ def side_and_direction(kind: str, before: Tokens, verb: Tokens, after: Tokens) -
     named: list[str] = []
     if kind in ("kick", "punch", "knee"):
         named = [token.text for token in (*before, *verb) if token.text in (LEFT, RIGHT)]
-    if kind == "kick" and words[:1] in ([LEFT], [RIGHT]):  # "kick left"
+    if kind in ("kick", "punch") and words[:1] in ([LEFT], [RIGHT]):  # "kick left"
         return (named or words)[0], ""
     if kind == "punch" and words[-2:-1] in (["the"], ["with"]) and words[-1] in (LEFT, RIGHT):
         named = named or words[-1:]

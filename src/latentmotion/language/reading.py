@@ -27,10 +27,9 @@ from latentmotion.language.acts import (
     acts_in,
     clause_before,
     last_boundary,
-    mentions,
     verb_forms,
 )
-from latentmotion.language.claims import SLIGHT, Claim, Request, data, kinds, related
+from latentmotion.language.claims import SLIGHT, Claim, Request, data, kinds, limits, related
 from latentmotion.language.manner import (
     count_of,
     degrees_and_side,
@@ -39,7 +38,20 @@ from latentmotion.language.manner import (
     near,
     side_and_direction,
 )
-from latentmotion.language.words import STOPS, Token, beginnings, listed, match, tokens_of
+from latentmotion.language.words import (
+    STOPS,
+    Token,
+    beginnings,
+    forms,
+    listed,
+    match,
+    other_forms,
+    third_person,
+    tokens_of,
+)
+
+# Seconds before and after repetitions; share by which they may be shorter or longer.
+_ENDS, _SPREAD = 0.6, 0.2
 
 # Words that join a clause to one that is left out.
 _LEFT_OVER = ("but", "just", "and", "instead", "then", "or")
@@ -138,7 +150,7 @@ def request_of(prompt: str) -> Request:
     Args:
         prompt: A sentence as users write it.
     """
-    tokens = _with_second_verb(_in_order(_plainer(without_negated(tokens_of(prompt)))))
+    tokens = _plainer(without_negated(tokens_of(told_in_order(prompt))))
     claims: list[Claim] = []
     for claim, _ in _claims(tokens, implied=True):
         last = claims[-1] if claims else Claim("")
@@ -201,35 +213,86 @@ def _plainer(tokens: list[Token]) -> list[Token]:
     return plainer
 
 
-def _in_order(tokens: list[Token]) -> list[Token]:
-    """Brings acts that are told backward ("before jumping, she walks") into their order."""
+def told_in_order(sentence: str) -> str:
+    """Returns a sentence that tells its acts in the order of time, each with a verb of its own.
+
+    "Before sitting down he waves" becomes "he waves, then sits down", and "kick with the left leg,
+    then with the right leg" becomes "…, then kick with the right leg": captions are told so.
+    """
+    return _with_second_verb(_side_by_side(_in_order(sentence)))
+
+
+def _in_order(sentence: str) -> str:
+    """Brings acts that are told backward into their order."""
+    tokens = tokens_of(sentence)
     words = [token.text for token in tokens]
-    then = [Token(text, 0, 0) for text in (",", "then")]
-    after = words.index("after", 1) if "after" in words[1:] else 0
-    if after and words[after + 1 : after + 2] not in (["that"], ["which"], [], [words[after - 1]]):
-        return [*tokens[after + 1 :], *then, *tokens[:after]]
-    if words[:1] in (["after"], ["before"]) and "," in words:
-        comma = words.index(",")
-        first, second = tokens[1:comma], tokens[comma + 1 :]
-        return [*first, *then, *second] if words[0] == "after" else [*second, *then, *first]
-    return tokens
+    at = next((n for n, word in enumerate(words) if word in ("after", "before")), None)
+    if at is None or words[at + 1 : at + 2] in ([], ["that"], ["which"], ["another"]):
+        return sentence
+    if words[at - 1 : at] == words[at + 1 : at + 2]:  # "wave after wave"
+        return sentence
+    ends = [n for n, word in enumerate(words) if word in STOPS or word == "then"]
+    begin = max((n + 1 for n in ends if n < at), default=0)
+    end = min((n for n in ends if n > at), default=len(words))
+    if at > begin:
+        other, last = tokens[begin:at], end
+    else:  # "before sitting down, he waves", with or without a comma
+        verb = next((act.end for act in acts_in(tokens) if act.start > at), at + 2)
+        subject = next((n for n in range(verb, end) if words[n] in listed("person")), end)
+        end = subject - (subject < end and words[subject - 1] in listed("articles"))
+        start = end + (words[end : end + 1] == [","])
+        last = min((n for n in ends if n > start), default=len(words))
+        other = tokens[start:last]
+    beside = tokens[at + 1 : end]
+    acts = acts_in(beside) or (beside and beside[0].text.endswith("ing"))
+    if not acts or not other or other[-1].text == "and":  # "before the king"
+        return sentence
+    first, second = _text(sentence, other), _finite(_text(sentence, beside))
+    if words[at] == "after":
+        first, second = second, first
+    before, rest = sentence[: tokens[begin].start], sentence[tokens[last - 1].end :]
+    return f"{before}{first}, then {second}{rest}"
 
 
-def _with_second_verb(tokens: list[Token]) -> list[Token]:
+def _text(sentence: str, tokens: Sequence[Token]) -> str:
+    return sentence[tokens[0].start : tokens[-1].end]
+
+
+def _finite(clause: str) -> str:
+    """Returns a clause whose verb is no participle: "sitting down" becomes "sits down"."""
+    word, _, rest = clause.partition(" ")
+    bases = (base for base in sorted(other_forms(word)) if verb_forms().get(base) == "base")
+    base = next((base for base in bases if forms(base).get(word) == "participle"), None)
+    return f"{third_person(base)} {rest}".rstrip() if base else clause
+
+
+def _side_by_side(sentence: str) -> str:
+    """Tells what is done with each limb of one side after the other."""
+    tokens = tokens_of(sentence)
+    at = next((n for n in range(len(tokens)) if match("each {limb}", tokens, n)), None)
+    named = acts_in(tokens)
+    if at is None or len(named) != 1 or not named[0].start < at or tokens[at - 1].text == "in":
+        return sentence
+    verb, each, limb = tokens[named[0].start], tokens[at], sentence[tokens[at].end :].rstrip(" .")
+    again = f"{sentence[verb.start : each.start]}the right{limb}"
+    return f"{sentence[: each.start]}the left{limb}, then {again}"
+
+
+def _with_second_verb(sentence: str) -> str:
     """Repeats the verb of an act that has none of its own: "kick left, then right"."""
+    tokens = tokens_of(sentence)
     words = [token.text for token in tokens]
     if "then" not in words:
-        return tokens
+        return sentence
     at = len(words) - words[::-1].index("then")
-    rest = tokens[at:]
     ways = "left|right|forward|forwards|backward|backwards"
-    lacks = match(f"with|on|to|using? {{their}}? {ways}", rest, 0) is not None
+    lacks = match(f"with|on|to|using? {{their}}? {ways} {{limb}}|one? {{end}}", tokens, at)
     before = acts_in(tokens[: at - 1])
-    if not lacks or not before or any(word in STOPS for word in words[at:]) or mentions(rest):
-        return tokens
+    if lacks is None or not before:
+        return sentence
     last = before[-1]
-    verb = tokens_of("raise") if last.act.begins else tokens[last.start : last.end]
-    return [*tokens[:at], *verb, *rest]
+    verb = "raise" if last.act.begins else _text(sentence, tokens[last.start : last.end])
+    return f"{sentence[: tokens[at].start]}{verb} {sentence[tokens[at].start :]}"
 
 
 def _claims(tokens: list[Token], implied: bool) -> list[Told]:
@@ -357,6 +420,17 @@ def usual_range(prompt: str) -> tuple[float, float] | None:
     return None
 
 
+def counted_range(prompt: str) -> tuple[float, float] | None:
+    """Returns how many seconds the repetitions last at least and at most that a prompt asks for.
+
+    None where it names several acts, or one whose usual length is right for each count.
+    """
+    claims = request_of(prompt).claims
+    each = limits("seconds").get(claims[0].kind, 0.0) if len(claims) == 1 else 0.0
+    seconds = each * claims[0].count if each else 0.0
+    return (_ENDS + (1 - _SPREAD) * seconds, _ENDS + (1 + _SPREAD) * seconds) if seconds else None
+
+
 def _count(counted: Claim, claims: tuple[Claim, ...], prompt: str) -> Count | None:
     """Returns the count of the one act that is counted; none if others look like it."""
     kind = counted.kind
@@ -367,7 +441,7 @@ def _count(counted: Claim, claims: tuple[Claim, ...], prompt: str) -> Count | No
         others = [
             other for other in others if other.kind != "walk" or other.direction not in directions
         ]
-        others += [claim for claim in claims if claim.then]
+        others += [claim for claim in claims if claim.then or claim.kind in kinds("whole_body")]
     if kind not in kinds("exact") or others:
         return None
     act = "step" if kind in ("move", "walk") else kind

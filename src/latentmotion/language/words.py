@@ -159,9 +159,9 @@ def at_once(sentence: str) -> list[tuple[str, str]]:
     """Returns how a sentence may be two movements at once: "walks forward", "waving".
 
     They are joined by "while", "with" or a comma, and come in both orders, or the second is a
-    participle.
+    participle. What follows by a "then" is not at once.
     """
-    tokens, pairs = tokens_of(sentence), []
+    tokens, pairs = tokens_of(sentence) if len(parts_of(sentence)) == 1 else (), []
     no_verb = listed("determiner") | listed("preposition") | listed("auxiliary") | {"and", "then"}
     for at, token in enumerate(tokens):
         joins = token.text in listed("meanwhile") or match("as he|she|they", tokens, at) is not None

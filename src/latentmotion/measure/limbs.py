@@ -392,27 +392,37 @@ def arm_circles_of(signals: Signals) -> list[Event]:
 
 
 def claps_of(signals: Signals) -> list[Event]:
-    """Returns series of two and more claps, the hands in front of the chest or higher.
+    """Returns series of two and more claps, the hands in front of the chest or higher."""
+    series: list[list[Event]] = []
+    for clap in single_claps_of(signals):
+        if series and clap.start - series[-1][-1].start < 1.0 * FPS:
+            series[-1].append(clap)
+        else:
+            series.append([clap])
+    return [
+        Event("clap", max(s[0].start - 5, 0), min(s[-1].start + 5, signals.frames), BOTH, count=n)
+        for s in series
+        if (n := len(s)) >= 2
+    ]
+
+
+def single_claps_of(signals: Signals) -> list[Event]:
+    """Returns moments at which the hands meet in front of the chest or higher.
 
     Wrists come within 16 cm; in drawn claps it is 0 to 12. Of 1,238 recordings, none of which
     people call a clap, 14 had claps with 25 cm, 4 have some with 16.
     """
-    left, right = signals.of("left_wrist"), signals.of("right_wrist")
-    apart = smooth(length(left - right), 0.5)
-    high = 0.5 * (left[:, 1] + right[:, 1]) > signals.of("spine1")[:, 1]
-    near = np.where(high, np.maximum(0.8 - apart, 0), 0)
-    tops = peaks(near, 0.64, 0.1)
-    series: list[list[int]] = []
-    for top in tops:
-        if series and top - series[-1][-1] < 1.0 * FPS:
-            series[-1].append(top)
-        else:
-            series.append([top])
-    return [
-        Event("clap", max(s[0] - 5, 0), min(s[-1] + 5, signals.frames), BOTH, count=len(s))
-        for s in series
-        if len(s) >= 2
-    ]
+    apart = hands_apart(signals)
+    wrists = 0.5 * (signals.of("left_wrist") + signals.of("right_wrist"))
+    high = wrists[:, 1] > signals.of("spine1")[:, 1]
+    tops = peaks(np.where(high, np.maximum(0.8 - apart, 0), 0), 0.64, 0.1)
+    return [Event("clap", top, top + 1, BOTH) for top in tops]
+
+
+def hands_apart(signals: Signals) -> Float[np.ndarray, " frames"]:
+    """Returns the distance of the wrists, meters."""
+    between = signals.of("left_wrist") - signals.of("right_wrist")
+    return smooth(length(between), 0.5)
 
 
 def _is_waving(signals: Signals, side: str, start: int, end: int) -> bool:

@@ -14,6 +14,8 @@ from latentmotion.measure import limbs, whole_body
 from latentmotion.measure.facts import BOTH, SIDES, Event
 from latentmotion.measure.signals import Signals, measure, peaks, smooth
 
+Curve = Float[np.ndarray, " frames"]
+
 # Share of the swing of the act's repetitions by which another movement looks like one.
 _WEAK = 0.4
 
@@ -64,13 +66,23 @@ def repetitions(
     full = sorted(COUNTED[act](signals), key=lambda event: event.start)
     if side and any(event.side != side for event in full):
         return None
-    curves = [smooth(curve, 0.5) for curve in _CURVES[act](signals, side)] if full else []
+    curves = (
+        {s: smooth(curve, 0.5) for s, curve in _CURVES[act](signals, side).items()} if full else {}
+    )
     around = [slice(max(event.start - _NEAR, 0), event.end + _NEAR) for event in full]
-    spread = [max(float(np.ptp(curve[near])) for curve in curves) for near in around if curves]
+    every = curves.values()
+    spread = [max(float(np.ptp(curve[near])) for curve in every) for near in around if curves]
     drop = _WEAK * float(np.median(spread)) if spread else 0.0
-    tops = {top for curve in curves for top in peaks(curve - curve.min(), 0.0, drop)}
-    within = [slice(event.start - 3, event.end + 3) for event in full]
-    weak = [top for top in tops if not any(near.start <= top < near.stop for near in within)]
+    weak = {
+        top
+        for of_side, curve in curves.items()
+        for top in peaks(curve - curve.min(), 0.0, drop)
+        if not any(
+            event.start - 3 <= top < event.end + 3
+            for event in full
+            if not of_side or event.side in ("", of_side, BOTH)
+        )
+    }
     return Repetitions(tuple(full), tuple(sorted(weak)))
 
 
@@ -84,14 +96,12 @@ def _dips(signals: Signals) -> tuple[list[Event], tuple[Event, ...]]:
     return whole_body.dips_of(signals, whole_body.changes_of(postures)), postures
 
 
-def _of_sides(
-    side: str, curve: Callable[[str], Float[np.ndarray, " frames"]]
-) -> list[Float[np.ndarray, " frames"]]:
+def _of_sides(side: str, curve: Callable[[str], Curve]) -> dict[str, Curve]:
     """Returns the curve of a side, or those of both."""
-    return [curve(each) for each in (SIDES if side in ("", BOTH) else (side,))]
+    return {each: curve(each) for each in (SIDES if side in ("", BOTH) else (side,))}
 
 
-def _hand(signals: Signals, side: str) -> Float[np.ndarray, " frames"]:
+def _hand(signals: Signals, side: str) -> Curve:
     return (signals.of(f"{side}_wrist") - signals.of(f"{side}_shoulder"))[:, 1]
 
 
@@ -104,6 +114,7 @@ COUNTED: Mapping[str, Callable[[Signals], list[Event]]] = MappingProxyType(
         "knee": lambda signals: limbs.knees_of(signals, limbs.kicks_of(signals)),
         "step": lambda signals: [Event("step", *frames) for frames in limbs.strides_of(signals)],
         "punch": limbs.punches_of,
+        "clap": limbs.single_claps_of,
         "raise": limbs.raises_of,
         "squat": lambda signals: [event for event in _dips(signals)[0] if event.kind == "squat"],
         "bow": lambda signals: bends(*_dips(signals)),
@@ -113,28 +124,27 @@ COUNTED: Mapping[str, Callable[[Signals], list[Event]]] = MappingProxyType(
     }
 )
 
-# Signal that swings once with each repetition.
-_CURVES: Mapping[str, Callable[[Signals, str], list[Float[np.ndarray, " frames"]]]] = (
-    MappingProxyType(
-        {
-            **dict.fromkeys(("jump", "hop"), lambda signals, _: [signals.joints[:, 0, 1]]),
-            **{
-                act: lambda signals, side, joint=joint: _of_sides(
-                    side, lambda one: signals.of(f"{one}_{joint}")[:, 1]
-                )
-                for act, joint in (("kick", "ankle"), ("knee", "knee"))
-            },
-            "step": lambda signals, _: [],
-            "punch": lambda signals, side: _of_sides(
-                side,
-                lambda one: np.linalg.norm(
-                    signals.of(f"{one}_wrist") - signals.of(f"{one}_shoulder"), axis=1
-                ),
+# Signal that swings once with each repetition, for each side of a limb or for "".
+_CURVES: Mapping[str, Callable[[Signals, str], dict[str, Curve]]] = MappingProxyType(
+    {
+        **dict.fromkeys(("jump", "hop"), lambda signals, _: {"": signals.joints[:, 0, 1]}),
+        **{
+            act: lambda signals, side, joint=joint: _of_sides(
+                side, lambda one: signals.of(f"{one}_{joint}")[:, 1]
+            )
+            for act, joint in (("kick", "ankle"), ("knee", "knee"))
+        },
+        "step": lambda signals, _: {},
+        "punch": lambda signals, side: _of_sides(
+            side,
+            lambda one: np.linalg.norm(
+                signals.of(f"{one}_wrist") - signals.of(f"{one}_shoulder"), axis=1
             ),
-            "raise": lambda signals, side: _of_sides(side, lambda one: _hand(signals, one)),
-            "squat": lambda signals, _: [-signals.joints[:, 0, 1]],
-            "bow": lambda signals, _: [signals.lean],
-            "jack": lambda signals, _: [np.minimum(*(_hand(signals, side) for side in SIDES))],
-        }
-    )
+        ),
+        "raise": lambda signals, side: _of_sides(side, lambda one: _hand(signals, one)),
+        "clap": lambda signals, _: {"": -limbs.hands_apart(signals)},
+        "squat": lambda signals, _: {"": -signals.joints[:, 0, 1]},
+        "bow": lambda signals, _: {"": signals.lean},
+        "jack": lambda signals, _: {"": np.minimum(*(_hand(signals, side) for side in SIDES))},
+    }
 )

@@ -30,6 +30,7 @@ from latentmotion.language.words import (
     named_sides,
     opposites,
     other_forms,
+    parts_of,
     refers_back,
     verb_of,
     words_of,
@@ -159,13 +160,13 @@ class Chooser:
             reading: The sentence.
             sentence: What says how often the movement is done.
         """
-        # Noise has the count or the turn that a sentence asks for exactly more often than a clip,
-        # but for a clip that was shown for it, or drawn for the same.
+        # Noise has the count or the turn that a sentence asks for exactly more often than a
+        # recording; a clip that was shown or drawn has clear repetitions, which clean-up counts.
         exactly = asked_exactly(sentence, any_length=True)
         rows = self.index.captions_of[choice.neighbors[0].caption.clip]
         texts = [self.index.captions[row].text for row in rows]
-        same = any(exactly == asked_exactly(text, any_length=True) for text in texts)
-        is_given = choice.support == SHOWN or (choice.is_given and same)
+        turns = any(exactly.turn == asked_exactly(text, any_length=True).turn for text in texts)
+        is_given = choice.support == SHOWN or (choice.support == DRAWN and turns)
         exact = exactly != NO_CORRECTIONS and not is_given
         rare = choice.support <= (USUAL if reading.caption else RARE) and not exact
         if rare and choice.is_near:
@@ -224,7 +225,8 @@ class Chooser:
         if shown or self._tells(whole, spans):
             return [whole[1]]
         text = said.caption.text if said else ""
-        if said and _tells_sides(text, done) and self._names([text], done):
+        in_turn = _tells_sides(text, done) and _in_turn(text, sentence)
+        if said and in_turn and self._names([text], done):
             return [Choice((said,), DRAWN, sentence)]
         while len(spans) > 2:
             pairs = [self._together(*pair) for pair in pairwise(spans)]
@@ -246,7 +248,7 @@ class Chooser:
         caption = choice.neighbors[0].caption
         if any(map(_gaits_of, clauses)) and not _gaits_of(caption.text):
             return False  # "walks to the window and looks out" is no look through one
-        if not _tells_sides(caption.text, clauses):
+        if not (_tells_sides(caption.text, clauses) and _in_turn(caption.text, choice.sentence)):
             return False
         if caption.support == DRAWN:
             rows = self.index.captions_of[caption.clip]
@@ -382,6 +384,13 @@ def _tells_sides(caption: str, clauses: Sequence[str]) -> bool:
     """Whether a caption names the sides that clauses name, or none."""
     named = {*chain(*map(named_sides, clauses))}
     return named <= (named_sides(caption) or named)
+
+
+def _in_turn(caption: str, sentence: str) -> bool:
+    """Whether a caption may tell of movements in a row: not of one meanwhile, or of one side."""
+    if len(parts_of(sentence)) == 1 or len(parts_of(caption)) > 1:
+        return True
+    return "while" not in words_of(caption) and len(named_sides(sentence)) < 2
 
 
 def _is_made(choice: Choice) -> bool:

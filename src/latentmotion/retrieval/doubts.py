@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from latentmotion.condition import TextEncoder
 from latentmotion.language.acts import of_a_person
-from latentmotion.language.reading import affirmed, request_of
+from latentmotion.language.reading import affirmed, request_of, told_in_order
 from latentmotion.language.words import (
     ENDINGS,
     parts_of,
@@ -75,7 +75,8 @@ class Doubt:
 class Reading:
     """A sentence as the model reads it."""
 
-    # The sentence, misspelled words corrected, and without what it says is not to happen.
+    # The sentence, misspelled words corrected, its acts in the order of time, and without what it
+    # says is not to happen.
     sentence: str
     negated: bool = False  # Whether something was left out since it is not to happen.
     corrections: tuple[tuple[str, str], ...] = ()  # Words as they were typed and as they are read.
@@ -101,7 +102,7 @@ class Reading:
     def of(cls, sentence: str) -> Reading:
         """Returns a sentence as it is read where nothing is known of the training data."""
         said = affirmed(sentence)
-        return cls(said, negated=said != sentence)
+        return cls(told_in_order(said), negated=said != sentence)
 
     def about(self) -> dict[str, Any]:
         """Returns what a file says of it, as JSON can hold it; nothing if all is known."""
@@ -126,9 +127,10 @@ class Doubts:
         (whole,) = self.index.nearest(self.text_encoder([said, of_a_person(said)]).pooled, 1)
         # A sentence that a clip was shown for is meant as it stands, whatever its parts are.
         shown = whole.caption.support == SHOWN and whole.cosine >= NEAR_ENOUGH
-        parts = [] if shown else parts_of(said)
+        ordered = said if shown else told_in_order(said)
+        parts = [] if shown else parts_of(ordered)
         return Reading(
-            said,
+            ordered,
             said != corrected,
             tuple(corrections.items()),
             self.doubt(said),

@@ -22,8 +22,9 @@ from jaxtyping import Float
 from latentmotion.arrays import prefix_mask, unit
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.engine.request import GenerationRequest, Start
-from latentmotion.language.reading import request_of, usual_range
+from latentmotion.language.reading import asked_exactly, request_of, usual_range
 from latentmotion.language.words import listed, words_of
+from latentmotion.measure.repetitions import repetitions
 from latentmotion.model.card import ModelCard
 from latentmotion.representation.canonical import heading, turn
 from latentmotion.representation.interface import Representation
@@ -152,12 +153,27 @@ class ClipStarts:
                 request.take([row]),
                 usual_range(reading.sentence) if any_length else None,
             )
-            if take and choices[reading]
+            if take
+            and choices[reading]
+            and self._is_countable(reading, choices[reading], any_length)
             else None
             for row, (reading, frames, take, any_length) in enumerate(
                 zip(readings, request.frames, wanted, free, strict=True)
             )
         ]
+
+    def _is_countable(self, reading: Reading, choices: Sequence[Choice], any_length: bool) -> bool:
+        """Whether a drawn clip shows what a sentence counts, so that clean-up can correct it."""
+        count = asked_exactly(reading.sentence, any_length=True).count
+        if count is None or len(choices) > 1 or choices[0].support != DRAWN:
+            return True
+        caption = choices[0].neighbors[0].caption
+        if asked_exactly(caption.text, any_length=True).count == count:
+            return True
+        features = self._decoded(self._latents(choices[0].neighbors[0]))
+        joints = self.representation.decode(features).astype(np.float64)
+        shown = repetitions(joints, count.act) if any_length else None
+        return shown is not None and bool(shown.full)
 
     def nearest_start(self, reading: Reading, frames: int, request: GenerationRequest) -> ClipStart:
         """Returns a start from the clips nearest to a sentence, however usual its movement is.

@@ -40,7 +40,7 @@ def within(length: float, quantile: float, limits: tuple[float, float] | None) -
     """
     least, most = limits or (0.0, np.inf)
     if length > most:
-        return least + quantile * (most - least)
+        return max(least + quantile * (most - least), SHORTEST_USUAL)
     return max(length, least * (0.5 + max(quantile, 0.5)))
 
 
