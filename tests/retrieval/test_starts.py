@@ -475,7 +475,7 @@ def test_a_subject_alone_is_no_movement(fast, idle):
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_movement_that_both_sides_show_starts_from_no_mirror_image(fast, side):
-    motions = [fast(f"cartwheel to the {side}", seed=seed, takes=1) for seed in (0, 1)]
+    motions = fast.batch([f"cartwheel to the {side}"] * 2, seeds=[0, 1])
     for motion in motions:
         (clip,) = motion.metadata["from_clips"]
         assert side in clip["caption"] and not clip["mirrored"]

@@ -98,7 +98,10 @@ def fitting(
     near = [
         n
         for n in near
-        if n.caption.support != DRAWN or not n.mirrored or n.cosine > itself + MIRRORED
+        if n.caption.support != DRAWN
+        or not n.mirrored
+        or named == named_sides(n.caption.text)  # its other sentences are nearer by chance
+        or n.cosine > itself + MIRRORED
     ]
     fits = {n: fit(n, sides, sentence, index) for n in near if n.caption.support == DRAWN}
     best = sorted(fits, key=lambda neighbor: -fits[neighbor].score)
