@@ -1,5 +1,6 @@
 """The index of clips: support of sentences, files, joining, and what was left out of training."""
 
+import json
 import lzma
 import zlib
 from dataclasses import replace
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors.numpy import load, save
 
 import latentmotion.data
 from latentmotion.data.clip import Source
@@ -50,6 +52,22 @@ def index_of(captions, vectors, tokens=(4, 6), support=1, owner=OWNER, wordings=
         np.array(directions, np.float32) if directions else ALL_DIRECTIONS,
         {word: 1 for text, _ in captions for word in words_of(text)},
     )
+
+
+def test_an_index_of_the_format_before_is_read(tmp_path):
+    index, file = index_of([("waves", 0), ("bows", 1)], [[1, 0], [0, 1]]), tmp_path / MOVES_FILE
+    index.write(file)
+    arrays = load(zlib.decompress(file.read_bytes()))
+    text = json.loads(arrays.pop("text").tobytes())
+    text |= {name: [*zip(*text[name], strict=True)] for name in ("clips", "captions")}
+    text["format"] = "latentmotion moves 1"
+    arrays |= {name: np.ascontiguousarray(arrays[name].T) for name in ("latents", "embeddings")}
+    arrays["text"] = np.frombuffer(json.dumps(text).encode(), np.uint8)
+    file.write_bytes(zlib.compress(save(arrays)))
+    before = read_index(file)
+    assert before.clips == index.clips and before.captions == index.captions
+    assert np.array_equal(before.latents, index.latents)
+    assert np.array_equal(before.embeddings, index.embeddings)
 
 
 def test_support_counts_clips_with_a_near_caption_once_each():

@@ -33,6 +33,7 @@ from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.storage.files import atomic_file
 
 FORMAT = "latentmotion moves 2"
+_ROW_BY_ROW = "latentmotion moves 1"  # The same in another order: movements that people taught.
 
 # Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
 # does, below .60 usually not (trial on 16 sentences, lab/diary/rare_acts.md).
@@ -441,13 +442,16 @@ def read_index(path: Path) -> ClipIndex:
             raise ValueError(f"cut off, or more than {_MOST_BYTES} bytes")
         arrays = load(content)
         text = json.loads(arrays.pop("text").tobytes())
-        if text["format"] != FORMAT:
+        by_column = text["format"] == FORMAT
+        if not by_column and text["format"] != _ROW_BY_ROW:
             raise ValueError(f"format {str(text['format'])[:40]!r}, expected {FORMAT!r}")
-        rows, kinds = zip(*text["clips"], strict=True), (str, str, str, int, int)
-        clips = tuple(IndexedClip(*_typed(row, kinds)) for row in rows)
-        rows, kinds = zip(*text["captions"], strict=True), (str, int, int, int, int)
-        captions = tuple(IndexedCaption(*_typed(row, kinds)) for row in rows)
-        arrays |= {name: np.ascontiguousarray(arrays[name].T) for name in _BY_CHANNEL}
+        if by_column:
+            text |= {name: zip(*text[name], strict=True) for name in ("clips", "captions")}
+            arrays |= {name: np.ascontiguousarray(arrays[name].T) for name in _BY_CHANNEL}
+        kinds = (str, str, str, int, int)
+        clips = tuple(IndexedClip(*_typed(row, kinds)) for row in text["clips"])
+        kinds = (str, int, int, int, int)
+        captions = tuple(IndexedCaption(*_typed(row, kinds)) for row in text["captions"])
         _check(arrays, clips, captions)
         words = text["words"]
         if not isinstance(words, dict) or len(words) > _MOST_CAPTIONS:
