@@ -253,7 +253,7 @@ class Chooser:
         if caption.support == DRAWN:
             rows = self.index.captions_of[caption.clip]
             texts = [self.index.captions[row].text for row in rows]
-            return choice.is_near and self._names(texts, clauses)
+            return choice.support == DRAWN and choice.is_near and self._names(texts, clauses)
         number = next(n for n, other in enumerate(self.index.captions) if other is caption)
         cosines = [
             max(self.index.neighbor(number, self._sides(text)).cosine for text in lookups(clause))
