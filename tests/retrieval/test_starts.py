@@ -71,6 +71,7 @@ def test_other_words_are_no_start(fast, sentence):
         ("marching on the spot", "marching in place"),  # soldiers march on
         ("lean to the left as far as possible", "lean to the right"),  # mirrored
         ("kneels on both knees, hands folded", "both knees"),  # "kneeling on one knee"
+        ("sneaking on tiptoes, really exaggerated, cartoon style", "sneaks on tiptoes"),
     ],
 )
 def test_how_and_where_a_movement_is_done_does_not_hide_it(fast, sentence, says):

@@ -61,6 +61,8 @@ LEAST_TOLD, MEAN_TOLD, EQUAL = 0.38, 0.54, 0.01
 # with rifles, with 0.7 other words are outweighed.
 CONTEXT = 0.6
 
+_TAILS = ",;:(!"  # Marks after which a sentence says how its movement is done.
+
 MOST_CHOICES = 4  # Clips among which takes take turns.
 
 MOST_MOVEMENTS = 8  # Movements of a sentence that start from clips of their own; more have no time.
@@ -131,13 +133,35 @@ class Chooser:
         movements = self._movements(reading.prompt)
         if len(movements) == 1:
             choice = self._rare(movements[0], reading, reading.sentence)
+            choice = choice or self._headed(reading.sentence)
             return [choice] if choice else []
         movements = [choice for choice in movements if _is_made(choice)]
-        starts = [self._rare(choice, reading, choice.sentence) for choice in movements]
+        starts = [
+            self._rare(choice, reading, choice.sentence) or self._headed(choice.sentence)
+            for choice in movements
+        ]
         if not any(starts):
             return []
         every = zip(starts, movements, strict=True)
         return [start or self._beside(choice) for start, choice in every]
+
+    def _headed(self, sentence: str) -> Choice | None:
+        """Returns the clips of what a sentence says first: "sneaking on tiptoes, cartoon style".
+
+        What follows says how. Nothing is returned where it claims what the clip does not show.
+        """
+        if asked_exactly(sentence, any_length=True) != NO_CORRECTIONS:
+            return None
+        stops = [sentence.find(mark) for mark in _TAILS if mark in sentence]
+        head = sentence[: min(stops, default=0)].strip()
+        if len(words_of(head)) < 2:
+            return None
+        choice = self.choice(head)
+        alike = choice.support <= RARE and choice.cosine >= NEARLY_ALIKE
+        if not alike or not _claims(sentence) - {"place"} <= self._claims_of(choice.neighbors[0]):
+            return None
+        near = tuple(self._on_side(neighbor, sentence) for neighbor in choice.neighbors)
+        return Choice(near, choice.support, sentence)
 
     def _beside(self, choice: Choice) -> Choice:
         """Returns what a movement that is not rare starts from beside rare ones.
