@@ -208,12 +208,12 @@ class Chooser:
         if not pairs or asked_exactly(sentence, any_length=True) != NO_CORRECTIONS:
             return []
         whole = self.choice(sentence)
-        told = _claims(whole.neighbors[0].caption.text) if whole.cosine >= NEARLY_ALIKE else ()
+        shown = _claims(whole.neighbors[0].caption.text) if whole.cosine >= NEARLY_ALIKE else ()
         gestures = [
             (self.choice(over), under)
             for under, over in pairs
             if (claims := _claims(under)) and claims.issubset(kinds("base")) and not at_once(under)
-            if claims.isdisjoint(told) and _claims(over).issubset(kinds("arms") + kinds("pose"))
+            if claims.isdisjoint(shown) and _claims(over).issubset(kinds("arms") + kinds("pose"))
         ]
         drawn = [
             (over, under)
@@ -261,9 +261,9 @@ class Chooser:
             spans[n : n + 2] = [pairs[n]]
         return [choice for _, choice in spans]
 
-    def _together(self, one: Span, other: Span) -> Span:
+    def _together(self, first: Span, second: Span) -> Span:
         """Returns neighboring spans as one."""
-        clauses = (*one[0], *other[0])
+        clauses = (*first[0], *second[0])
         return clauses, self.choice(" and ".join(clauses))
 
     def _tells(self, span: Span, parts: Sequence[Span]) -> bool:
@@ -411,10 +411,15 @@ def _tells_sides(caption: str, clauses: Sequence[str]) -> bool:
 
 
 def _in_turn(caption: str, sentence: str) -> bool:
-    """Whether a caption may tell of movements in a row: not of one meanwhile, or of one side."""
+    """Whether a caption may tell of movements in a row: not of one meanwhile, or of one side.
+
+    "Jump kick" is no kick, then a jump.
+    """
     if len(parts_of(sentence)) == 1 or len(parts_of(caption)) > 1:
         return True
-    return "while" not in words_of(caption) and len(named_sides(sentence)) < 2
+    words = {*words_of(caption)}
+    row = "," in caption or not words.isdisjoint(("and", "before", "after"))
+    return row and "while" not in words and len(named_sides(sentence)) < 2
 
 
 def _is_made(choice: Choice) -> bool:
@@ -443,8 +448,8 @@ def _fits(caption: str, sentence: str) -> bool:
     """Whether a caption says nothing against a sentence: "off" for "onto", a way for "in place"."""
     said, words = {*words_of(sentence)}, {*words_of(caption)}
     against = any(
-        said & one and words & other and not said & other and not words & one
-        for one, other in opposites()
+        said & word and words & opposite and not said & opposite and not words & word
+        for word, opposite in opposites()
     )
     ways = [{gait.direction == "place" for gait in _gaits_of(text)} for text in (sentence, caption)]
     return not against and (ways[0] == ways[1] or True not in ways[0] | ways[1])
