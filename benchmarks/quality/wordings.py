@@ -31,6 +31,7 @@ from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.interface import TextMotionEvaluator, load_evaluator
 from latentmotion.evaluation.metrics import ranks
 from latentmotion.evaluation.scores import reads_text
+from latentmotion.motion import features_of
 from latentmotion.ranking.scorer import shipped_scorer
 from latentmotion.storage.reading import read_text
 
@@ -129,7 +130,9 @@ def places_of(
         motions = [generate(prompt, **settings) for prompt in prompts]
     else:
         motions = generate.batch(prompts, seeds=[seed] * len(prompts))
-    made = evaluator.motions([shipped_scorer().features_of(motion) for motion in motions])
+    made = evaluator.motions(
+        [features_of(motion, shipped_scorer().representation) for motion in motions]
+    )
     texts = evaluator.texts([Caption(caption, 0, 0) for caption, _ in pairs])
     starts = range(0, len(pairs), GROUP)
     return np.concatenate([ranks(made[s : s + GROUP], texts[s : s + GROUP]) for s in starts])
