@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from tests.support.walker import walker
 
 WEIGHTS = "CC BY-SA 3.0 Unported"
 ENDINGS = [".npz", ".amass.npz", ".smpl.npz", ".glb", ".gltf"]
+if importlib.util.find_spec("pxr") is not None:
+    ENDINGS.append(".usdc")
 
 
 @pytest.fixture(scope="module")

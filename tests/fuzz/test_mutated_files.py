@@ -22,6 +22,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -240,10 +241,12 @@ def load_project(path: Path) -> None:
         write_project(path.parent, "b", Project.model_validate(content).model_dump())
 
 
-SLOW = ("moves.plain",)  # Half a second for each input.
+USD = ("a.usda", "a.usdc", "a.usdz")
+SLOW = (*USD, "moves.plain")  # A process, or half a second, for each input.
 
 READERS: dict[str, Callable[[Path], object]] = {
     **dict.fromkeys(("a.bvh", "a.csv", "a.npz", "a.npy", "a.amass.npz", "a.vrma"), load_motions),
+    **dict.fromkeys(USD, load_motions),
     **dict.fromkeys(("bones.glb", "bones.gltf", "ours.glb"), load_gltf),
     **dict.fromkeys(("rig.glb", "rig.gltf", "rig.bvh"), load_rig),
     "library/library.sqlite3": load_library,
@@ -306,7 +309,8 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     for name in ("figure", "captions", "card", "texts", "new", "openpose", "projects"):
         (folder / name).mkdir()
     motion = Motion(walker(6).joints().astype("f4"), caption="a person walks")
-    for name in ("a.bvh", "a.csv", "a.npz", "a.amass.npz", "a.vrma", "ours.glb"):
+    usd = USD if find_spec("pxr") else ()
+    for name in ("a.bvh", "a.csv", "a.npz", "a.amass.npz", "a.vrma", "ours.glb", *usd):
         motion.save(folder / name)
     write_texts(folder, motion)
     np.save(folder / "a.npy", motion.joints)

@@ -293,7 +293,7 @@ class PrepareLabelled(_PrepareOwnFiles):
 
 @dataclass(frozen=True)
 class PrepareOwn(_PrepareOwnFiles):
-    """Take your own BVH, FBX, GLB, AMC or NPZ files, with captions beside them or in a CSV."""
+    """Take your own BVH, FBX, GLB, AMC, USD or NPZ files, with captions beside them or in a CSV."""
 
     folder: options.Folder
     """Folder of motion files, nested in any way."""

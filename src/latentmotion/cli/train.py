@@ -449,7 +449,7 @@ class FineTune(options.ReadingOptions):
     """
 
     folder: options.Folder
-    """Folder of BVH, FBX, GLB, AMC or NPZ files, nested in any way, with sentences in NAME.txt
+    """Folder of BVH, FBX, GLB, AMC, USD or NPZ files, nested in any way, with sentences in NAME.txt
     beside NAME.bvh; without any, the names of the files and what is measured become captions."""
     output: options.Output
     """Model folder to write."""

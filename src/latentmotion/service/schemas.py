@@ -38,7 +38,7 @@ FileFormat = Literal[
 Format = Literal[FileFormat, "raw", "viewer"]
 """`raw` is float32, little-endian: frames × joints × 3; `viewer` is what the page reads."""
 
-Readable = Literal["npz", "npy", "csv", "bvh", "glb", "gltf"]
+Readable = Literal["npz", "npy", "csv", "bvh", "glb", "gltf", "usda", "usdc", "usdz"]
 """Formats of uploaded motions."""
 
 Character = Literal["glb", "gltf", "bvh"]

@@ -75,6 +75,11 @@ MOST_TOKENS = 200_000  # Latent tokens, or frames, of one generated motion.
 # encoders have half.
 GRAPH_MEMORY = 1 << 33
 
+# Bytes of address space of the process that reads USD: its libraries take 1 GB of them.
+USD_MEMORY = 1 << 32
+
+USD_SECONDS = 120  # Seconds of processor time of the process that reads USD.
+
 # Age from which a temporary file of another machine is taken for one that was left behind.
 STALE_SECONDS = 86_400
 

@@ -9,7 +9,7 @@
     LABEL/take.bvh          where folders are labels: each file is of that action
     test/LABEL/take.bvh     and of that split, if the first folder is train, val or test
 
-Files are BVH, FBX (through Blender), GLB, AMC, NPZ, Motion-X's NPY or of a plugin's format.
+Files are BVH, FBX (through Blender), GLB, AMC, USD, NPZ, Motion-X's NPY or of a plugin's format.
 Each animation becomes one clip; where it jumps, it is cut, and the longest part keeps the name.
 Mirrored copies get the same sentences with left and right swapped.
 

@@ -1,0 +1,108 @@
+"""USD reader: the animations of a file, read by a process of its own with limits.
+
+USD's library crashes on some damaged files and takes gigabytes for others. `usd_figure` runs as a
+program with bounded memory and time, and hands its result over as arrays.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from latentmotion.errors import (
+    DiskFullError,
+    FileFormatError,
+    InputError,
+    LatentMotionError,
+    MissingExtraError,
+)
+from latentmotion.formats.takes import SkeletonTake
+from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.storage import children
+from latentmotion.storage.array_files import read_arrays
+from latentmotion.storage.limits import USD_SECONDS
+from latentmotion.storage.reading import parse_json
+
+_PROGRAM = "latentmotion.formats.usd_figure"
+# Exit codes: the file is damaged, or the result cannot be written; a line on standard output says
+# why.
+REFUSED, UNWRITTEN = 3, 4
+
+
+def read_takes(path: str | Path) -> list[SkeletonTake]:
+    """Reads all animations that move the skeleton with the most joints; its rest if there is none.
+
+    Files that `usd.write` wrote have captions.
+
+    Raises:
+        FileFormatError: The file is damaged, or has no skeleton.
+    """
+    arrays, takes = _arrays(Path(path)), []
+    names, parents = tuple(map(str, arrays["names"])), tuple(arrays["parents"].tolist())
+    skeleton = Skeleton(Path(path).stem, names, parents, arrays["offsets"])
+    for number in range(int(arrays["takes"])):
+        root, fps = arrays[f"root_{number}"], float(arrays[f"fps_{number}"])
+        moves = arrays.get(f"translations_{number}")
+        animation = Animation(skeleton, arrays[f"rotations_{number}"], root, fps, moves)
+        try:
+            notes = parse_json(str(arrays[f"notes_{number}"]), path)
+        except LatentMotionError:  # another program's
+            notes = {}
+        takes.append(SkeletonTake(animation, notes if isinstance(notes, dict) else {}))
+    return takes
+
+
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    """Runs the program that reads the file."""
+    if find_spec("pxr") is None:
+        raise MissingExtraError("USD", "usd-core", "usd")
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            target = Path(folder) / "animations.npz"
+            done = subprocess.run(
+                children.command(_PROGRAM, str(path.absolute()), str(target)),
+                env=children.environment(),
+                capture_output=True,
+                timeout=2 * USD_SECONDS,
+                check=False,
+            )
+            if not done.returncode:
+                return read_arrays(target, lambda name: True)
+    except subprocess.TimeoutExpired as error:
+        raise FileFormatError(path, f"not read in {2 * USD_SECONDS} s; damaged?") from error
+    except OSError as error:
+        raise _no_room(path, error.strerror or str(error)) from error
+    if done.returncode in (REFUSED, UNWRITTEN):
+        problem = _last_line(path, done.stdout)
+        raise (
+            FileFormatError(path, problem)
+            if done.returncode == REFUSED
+            else _no_room(path, problem)
+        )
+    last = _last_line(path, done.stderr)
+    if done.returncode < 0:  # a signal
+        problem = f"USD's library ended with {done.returncode} ({last})"
+        raise FileFormatError(path, f"{problem}; the file is damaged, or too large")
+    raise InputError(
+        f"{path}: not read, as the program that reads USD does not work here ({last}); this says "
+        'nothing of the file: check `ulimit -v`, or run pip install "latentmotion[usd]" again'
+    )
+
+
+def _last_line(path: Path, output: bytes) -> str:
+    """Returns the last line of output without the folder, which may be the server's."""
+    lines = output.decode(errors="replace").strip().splitlines()
+    line = (lines or ["it said nothing"])[-1]
+    return f"{line.replace(f'{path.absolute().parent}{os.sep}', ''):.300}"
+
+
+def _no_room(path: Path, problem: str) -> DiskFullError:
+    return DiskFullError(
+        f"{path}: not read, as a temporary file cannot be written ({problem}); make room in "
+        "TMPDIR, or let it name another folder"
+    )
