@@ -232,10 +232,10 @@ def work_of(
         "options": [str(option) for option in generation.options],
         "model": pipeline.card.name,
         "weights": hashlib.sha256("".join(map(sha256, files)).encode()).hexdigest(),
-        "prompts": sha256(prompts),
-        "version": __version__,
         "seed": seed,
         "rows": rows,
+        "prompts": sha256(prompts),
+        "version": __version__,
     }
     starts = range(0, len(every), rows)
     tasks = {
