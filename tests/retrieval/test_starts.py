@@ -236,6 +236,12 @@ def test_a_gesture_is_made_over_a_gait(fast):
     assert np.linalg.norm(joints[-1, 0, [0, 2]] - joints[0, 0, [0, 2]]) > 2
 
 
+def test_a_clip_beneath_a_gesture_is_credited_too(fast):
+    motion = fast("runs with both arms in the air", seed=3)
+    clips = [clip["caption"] for clip in motion.metadata["from_clips"]]
+    assert any("arms" in clip for clip in clips) and any("run" in clip for clip in clips)
+
+
 def test_who_sits_stays_on_the_seat_for_a_gesture(fast):
     motion = fast("sits and waves", seed=3)
     at = {name: n for n, name in enumerate(motion.skeleton.names)}

@@ -202,10 +202,7 @@ class ClipStarts:
                 clip is made as short.
         """
         (seed,) = request.seeds
-        chosen = [
-            choice.neighbors[seed % len(choice.neighbors)] if choice.neighbors else None
-            for choice in choices
-        ]
+        chosen = [choice.turn(seed) for choice in choices]
         parts = self._parts(choices, chosen, request)
         needed = self._needed(parts)
         choices, chosen = [choices[n] for n in needed], [chosen[n] for n in needed]
@@ -235,7 +232,8 @@ class ClipStarts:
         usual = USUAL / (USUAL + max(support, 0))
         unrelated = UNRELATED_OF_DRAWN if support == DRAWN else UNRELATED
         likely = max(rarest.cosine - unrelated, 0.0) / (1 - unrelated)
-        about = tuple(self.chooser.index.about(neighbor) for neighbor in chosen if neighbor)
+        beneath = [choice.under.turn(seed) for choice in choices if choice.under]
+        about = tuple(self.chooser.index.about(clip) for clip in [*chosen, *beneath] if clip)
         return ClipStart(start, frames, about, len(choices), likely * usual)
 
     @property
@@ -278,10 +276,10 @@ class ClipStarts:
         if not is_gesture(gesture, names):
             return latents
         if under:
-            near = under.neighbors
+            clip = under.turn(request.seeds[0])
             beneath = (
-                stretched(self._latents(near[request.seeds[0] % len(near)]), len(latents))
-                if near
+                stretched(self._latents(clip), len(latents))
+                if clip
                 else self._sampled(under, request, len(gesture))
             )
             body = self._joints(beneath)[: len(gesture)]
