@@ -469,6 +469,12 @@ def test_what_a_user_showed_is_started_from_alone(fast, sentence):
         assert [clip["source"] for clip in motion.metadata["from_clips"]] == ["me"]
 
 
+def test_what_a_user_showed_has_no_gesture_over_it(fast):
+    pipeline = taught(fast, "a person strolls along eating apples")
+    (motion,) = pipeline.batch(["walks while eating an apple"], seeds=[0])
+    assert [clip["source"] for clip in motion.metadata["from_clips"]] == ["me"]
+
+
 @pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
 def test_a_sentence_near_a_taught_clip_is_read_as_it_stands(fast):
     pipeline = taught(fast, "i ape around")

@@ -99,7 +99,7 @@ class Choice:
         """Whether the nearest may show the movement."""
         return self.neighbors[0].is_near
 
-    def turn(self, seed: int) -> Neighbor | None:
+    def clip_for(self, seed: int) -> Neighbor | None:
         """Returns the clip whose turn it is with a seed; None where noise is sampled."""
         return self.neighbors[seed % len(self.neighbors)] if self.neighbors else None
 
@@ -195,8 +195,7 @@ class Chooser:
         # Noise has the count or the turn that a sentence asks for exactly more often than a
         # recording; a clip that was shown or drawn has clear repetitions, which clean-up counts.
         exactly = asked_exactly(sentence, any_length=True)
-        rows = self.index.captions_of[choice.neighbors[0].caption.clip]
-        texts = [self.index.captions[row].text for row in rows]
+        texts = self.index.texts_of(choice.neighbors[0].caption.clip)
         turns = any(exactly.turn == asked_exactly(text, any_length=True).turn for text in texts)
         is_given = choice.support == SHOWN or (choice.support == DRAWN and turns)
         exact = exactly != NO_CORRECTIONS and not is_given
@@ -210,12 +209,15 @@ class Chooser:
         """Returns a gesture over a gait, or after a posture: "walks while eating an apple".
 
         Returns:
-            Nothing where a caption tells of both, or no drawn clip is near the gesture.
+            Nothing where a caption tells of both, no drawn clip is near the gesture, or a clip was
+            shown for the sentence.
         """
         pairs = at_once(sentence)
         if not pairs or asked_exactly(sentence, any_length=True) != NO_CORRECTIONS:
             return []
         whole = self.choice(sentence)
+        if whole.support == SHOWN:
+            return []
         shown = _claims(whole.neighbors[0].caption.text) if whole.cosine >= TELLS_BOTH else ()
         gestures = [
             (self.choice(over), under)
@@ -283,8 +285,7 @@ class Chooser:
         if not (_tells_sides(caption.text, clauses) and _in_turn(caption.text, choice.sentence)):
             return False
         if caption.support == DRAWN:
-            rows = self.index.captions_of[caption.clip]
-            texts = [self.index.captions[row].text for row in rows]
+            texts = self.index.texts_of(caption.clip)
             return choice.support == DRAWN and choice.is_near and self._names(texts, clauses)
         number = next(n for n, other in enumerate(self.index.captions) if other is caption)
         cosines = [
@@ -351,13 +352,11 @@ class Chooser:
 
     def _claims_of(self, neighbor: Neighbor) -> frozenset[str]:
         """Returns the kinds of what the captions of a clip tell of that can be measured."""
-        rows = self.index.captions_of[neighbor.caption.clip]
-        return frozenset().union(*(_claims(self.index.captions[row].text) for row in rows))
+        return frozenset().union(*map(_claims, self.index.texts_of(neighbor.caption.clip)))
 
     def _goes(self, neighbor: Neighbor, gaits: Sequence[Claim]) -> bool:
         """Whether a clip goes on foot in the ways that are asked for, by one of its captions."""
-        rows = self.index.captions_of[neighbor.caption.clip]
-        shown = [gait for row in rows for gait in _gaits_of(self.index.captions[row].text)]
+        shown = [*chain(*map(_gaits_of, self.index.texts_of(neighbor.caption.clip)))]
         ways = {gait.direction for gait in shown} | {""}
         return not gaits or (bool(shown) and ways.issuperset(gait.direction for gait in gaits))
 
@@ -406,8 +405,7 @@ class Chooser:
         named, caption = named_sides(sentence), neighbor.caption
         if len(named) != 1 or caption.support > SHOWN:
             return neighbor
-        texts = [self.index.captions[row].text for row in self.index.captions_of[caption.clip]]
-        texts = [caption.text] if named_sides(caption.text) else texts
+        texts = [caption.text] if named_sides(caption.text) else self.index.texts_of(caption.clip)
         shown = set().union(*(sides for sides in map(named_sides, texts) if len(sides) == 1))
         return replace(neighbor, mirrored=named != shown) if len(shown) == 1 else neighbor
 

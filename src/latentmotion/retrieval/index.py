@@ -223,6 +223,10 @@ class ClipIndex:
             rows.setdefault(caption.clip, []).append(number)
         return rows
 
+    def texts_of(self, clip: int) -> list[str]:
+        """Returns the captions of a clip, given by its number."""
+        return [self.captions[row].text for row in self.captions_of[clip]]
+
     @cached_property
     def _most(self) -> int:
         # Captions that have the most frequent word.

@@ -202,7 +202,7 @@ class ClipStarts:
                 clip is made as short.
         """
         (seed,) = request.seeds
-        chosen = [choice.turn(seed) for choice in choices]
+        chosen = [choice.clip_for(seed) for choice in choices]
         parts = self._parts(choices, chosen, request)
         needed = self._needed(parts)
         choices, chosen = [choices[n] for n in needed], [chosen[n] for n in needed]
@@ -232,7 +232,7 @@ class ClipStarts:
         usual = USUAL / (USUAL + max(support, 0))
         unrelated = UNRELATED_OF_DRAWN if support == DRAWN else UNRELATED
         likely = max(rarest.cosine - unrelated, 0.0) / (1 - unrelated)
-        beneath = [choice.under.turn(seed) for choice in choices if choice.under]
+        beneath = [choice.under.clip_for(seed) for choice in choices if choice.under]
         about = tuple(self.chooser.index.about(clip) for clip in [*chosen, *beneath] if clip)
         return ClipStart(start, frames, about, len(choices), likely * usual)
 
@@ -276,7 +276,7 @@ class ClipStarts:
         if not is_gesture(gesture, names):
             return latents
         if under:
-            clip = under.turn(request.seeds[0])
+            clip = under.clip_for(request.seeds[0])
             beneath = (
                 stretched(self._latents(clip), len(latents))
                 if clip
