@@ -52,18 +52,17 @@ def even_bones(parts: Parts, fps: float, skeleton: Skeleton) -> Parts:
     spans = [length(part - part[..., parents, :]) for part in parts]
     medians = [np.broadcast_to(quantile(each, 0.5), each.shape) for each in spans]
     # Joints and coordinates first, all frames of all motions last: long rows, which NumPy is quick
-    # with. The root is a bone of length 0.
+    # with where they are rows in memory, too. The root is a bone of length 0.
     moved, span, lengths = (
-        np.concatenate(
-            [np.moveaxis(x.reshape(-1, len(parents), n), 0, -1) for x in arrays], axis=-1
-        )
+        np.concatenate([x.reshape(-1, len(parents), n) for x in arrays]).transpose(1, 2, 0).copy()
         for arrays, n in ((parts, 3), (spans, 1), (medians, 1))
     )
     for ends, shares in _pulls(skeleton.parents):
         places = moved.take(ends, axis=0)
         bones = places[0] - places[1]
-        pull = bones * (1 - lengths.take(ends[0], axis=0) / np.maximum(_norm(bones), 1e-6))
-        moved[ends] = places + shares * pull
+        bones *= 1 - lengths.take(ends[0], axis=0) / np.maximum(_norm(bones), 1e-6)
+        places += shares * bones
+        moved[ends] = places
     steps = _unit(moved - moved[parents])
     # Bones that had shrunk point where their neighbors in time point.
     trust = np.minimum(span / np.maximum(_SHRUNK * lengths, 1e-12), 1) ** 2
@@ -81,7 +80,7 @@ def even_bones(parts: Parts, fps: float, skeleton: Skeleton) -> Parts:
     steps *= lengths
     for joint, parent in enumerate(parents[1:], start=1):
         np.add(moved[parent], steps[joint], out=moved[joint])
-    even = (np.moveaxis(moved[..., rows], -1, 0) for rows in map(slice, edges, edges[1:]))
+    even = np.split(moved.transpose(2, 0, 1).copy(), edges[1:-1])
     return [
         keep_knee_direction(each.reshape(part.shape), part, skeleton)
         for each, part in zip(even, parts, strict=True)
