@@ -93,21 +93,30 @@ def test_weights_are_kept_in_half_the_bits(tmp_path: Path, monkeypatch: pytest.M
         np.testing.assert_array_equal(old.detach().half().float(), new.detach())
 
 
-def test_matrices_of_the_denoiser_are_kept_in_8_bits(
+def test_denoiser_and_decoder_but_its_last_layer_are_kept_in_8_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("latentmotion.export.package._write_graphs", lambda *_, **__: None)
     model, encoder = untrained("over time"), copied(find_model("starter"))
     save_model(tmp_path / "run", model)
     package_model(tmp_path / "run", model.card, encoder, tmp_path / "model", weights="int8")
-    again, matrices = load_model(tmp_path / "model"), 0
-    for old, new in zip(model.vae.parameters(), again.vae.parameters(), strict=True):
-        np.testing.assert_array_equal(old.detach().half().float(), new.detach())
-    for old, new in zip(model.denoiser.parameters(), again.denoiser.parameters(), strict=True):
-        step = old.detach().abs().amax(dim=-1, keepdim=True) / 127 if old.ndim == 2 else 0 * old
-        assert ((old - new).abs() <= 0.51 * step + 1e-3 * old.abs()).all()
-        matrices += old.ndim == 2 and len(new.unique()) > 1
-    assert matrices > 10
+    again = load_model(tmp_path / "model")
+    pairs = {
+        f"{part}.{name}": (old.detach(), new.detach())
+        for part in ("vae", "denoiser")
+        for (name, old), new in zip(
+            getattr(model, part).named_parameters(), getattr(again, part).parameters(), strict=True
+        )
+    }
+    kernels = [key for key, (old, _) in pairs.items() if "vae.decoder." in key and old.ndim == 3]
+    matrices = [key for key, (old, _) in pairs.items() if "denoiser." in key and old.ndim == 2]
+    assert len(kernels) > 5 and len(matrices) > 10
+    for key, (old, new) in pairs.items():
+        if key in (*kernels[:-1], *matrices):
+            step = old.abs().amax(dim=tuple(range(1, old.ndim)), keepdim=True) / 127
+            assert ((old - new).abs() <= 0.51 * step + 1e-3 * old.abs()).all(), key
+        else:
+            np.testing.assert_array_equal(old.half().float(), new, key)
     weights = load_file(tmp_path / "model" / WEIGHTS_FILE)
     scale = next(key for key in weights if key.endswith(SCALE))
     assert weights[scale.removesuffix(SCALE)].dtype == torch.int8

@@ -55,7 +55,8 @@ class Export:
     """Write a folder for web pages, of a few-step model of sentences (docs/guide/web.md)."""
     weights: Weights | None = None
     """Large matrices: int8 has a scale for each row, float16 is as exact as training. By default
-    int8 for web pages (6 MB smaller), float16 otherwise; int8 there keeps the VAE in 16 bits."""
+    int8 for web pages (6 MB smaller), float16 otherwise; int8 there keeps the encoder and the
+    decoder's last layer in 16 bits."""
 
     def run(self) -> None:
         """Writes the folder and prints its size.

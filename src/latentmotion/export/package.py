@@ -1,8 +1,8 @@
 """Packaging: a trained model as a folder that runs without PyTorch.
 
 The folder has card, weights, graphs and text encoder. Weights are stored in 16 bits, or the
-denoiser's matrices in 8, and the graphs are made from the rounded weights, so that both give the
-same motions.
+denoiser's matrices and the decoder's layers but the last in 8, and the graphs are made from the
+rounded weights, so that both give the same motions.
 
 Decoder swap: one model's decoder for another model with the same encoder, so the same latents.
 
@@ -85,8 +85,8 @@ def package_model(
         text_encoder: Writes the text encoder; None for models of actions and unconditional ones.
         output: Folder to write, replaced as a whole.
         share_encoder: Whether to leave out the VAE's encoder if a shipped model has the same.
-        weights: Precision of the denoiser's matrices in the file. The VAE stays in 16 bits, since
-            other models may have the same one.
+        weights: Precision of the denoiser's matrices and of the decoder's layers but the last in
+            the file. Encoders stay in 16 bits, since other models may have the same one.
 
     Raises:
         ModelError: A file or network is missing, a graph does not repeat its network, or no
@@ -110,9 +110,8 @@ def package_model(
                 "--share-encoder"
             )
         tensors = {key: value for key, value in rounded.items() if key not in left_out}
-        for key in [key for key in tensors if key.startswith("denoiser.")]:
-            if weights == "int8" and tensors[key].is_floating_point() and tensors[key].ndim == 2:
-                tensors[key], tensors[key + checkpoint.SCALE] = pack(tensors[key].float())
+        for key in matrices_to_pack(tensors) if weights == "int8" else ():
+            tensors[key], tensors[key + checkpoint.SCALE] = pack(tensors[key].float())
         metadata = {checkpoint.ENCODER_HASH: shared} if left_out else None
         save_file(tensors, folder / checkpoint.WEIGHTS_FILE, metadata)
         if text_encoder is not None:
@@ -125,6 +124,19 @@ def package_model(
                     f"{card.condition.text_encoder or 'another'!r}"
                 )
         _write_graphs(checkpoint.load_model(folder), folder, with_encoder=not left_out)
+
+
+def matrices_to_pack(weights: Mapping[str, torch.Tensor]) -> list[str]:
+    """Returns the names of the matrices and kernels that lose nothing in 8 bits.
+
+    These are the denoiser's, and those of a convolutional decoder but its last: in 8 bits that one
+    adds jitter (jerk at the 99th percentile 0.74 to 0.89 of the recordings', errors unchanged).
+    """
+    large = [key for key, value in weights.items() if value.is_floating_point() and value.ndim > 1]
+    kernels = [key for key in large if key.startswith("vae.decoder.") and weights[key].ndim == 3]
+    kernels.sort(key=lambda key: int(key.split(".")[2]))
+    matrices = [key for key in large if key.startswith("denoiser.") and weights[key].ndim == 2]
+    return [*matrices, *kernels[:-1]]
 
 
 def copied(folder: Path) -> WriteTextEncoder:

@@ -244,7 +244,7 @@ def encoder_hash(weights: Mapping[str, Tensor]) -> str:
 
 
 def read_weights(path: Path) -> dict[str, Tensor]:
-    """Reads a file of tensors; matrices in 8 bits come back in 32.
+    """Reads a file of tensors; what has 8 bits comes back in 32.
 
     Raises:
         ModelError: It is missing or damaged.
@@ -258,8 +258,8 @@ def read_weights(path: Path) -> dict[str, Tensor]:
     packed = [key for key in weights if key + SCALE in weights]
     for key in packed:
         matrix, scale = weights[key], weights.pop(key + SCALE)
-        if scale.shape != (len(matrix), 1):
-            actual, shape = tuple(scale.shape), (len(matrix), 1)
+        actual, shape = tuple(scale.shape), (len(matrix), *[1] * (matrix.ndim - 1))
+        if actual != shape:
             raise ModelError(f"{path}: {key}{SCALE} has shape {actual}, expected {shape}")
         weights[key] = matrix * scale
     return weights

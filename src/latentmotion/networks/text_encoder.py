@@ -58,12 +58,13 @@ class PackedEmbedding(nn.Module):
 
 
 def pack(
-    weight: Float[torch.Tensor, "rows width"],
-) -> tuple[Int[torch.Tensor, "rows width"], Float[torch.Tensor, "rows 1"]]:
-    """Returns (integers, scales) of a matrix; a row of zeros stays zeros."""
+    weight: Float[torch.Tensor, "rows ..."],
+) -> tuple[Int[torch.Tensor, "rows ..."], Float[torch.Tensor, "rows ..."]]:
+    """Returns (integers, scales) of a matrix or a kernel; a row of zeros stays zeros."""
     # A scale per row: rows of embeddings differ by orders of magnitude; zero rows keep a positive
     # one.
-    scale = (weight.abs().amax(dim=1, keepdim=True) / 127).clamp_min(1e-12)
+    widths = tuple(range(1, weight.ndim))
+    scale = (weight.abs().amax(dim=widths, keepdim=True) / 127).clamp_min(1e-12)
     return (weight / scale).round().to(torch.int8), scale
 
 
