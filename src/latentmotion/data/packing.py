@@ -18,19 +18,10 @@ import numpy as np
 from jaxtyping import Float
 from safetensors.numpy import load, save
 
+from latentmotion.data import pack_file
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.pack_coding import MotionCoder, posed
-from latentmotion.data.pack_file import (
-    FORMAT,
-    QUANTA,
-    QUANTUM,
-    TURN_QUANTUM,
-    PackHeader,
-    clips_by_shard,
-    compressed,
-    packable,
-    write_pack,
-)
+from latentmotion.data.pack_file import QUANTA, QUANTUM, TURN_QUANTUM
 from latentmotion.data.prepare import encode_all
 from latentmotion.data.recording import Dropped, EncodedRecording, FileGroup, Label
 from latentmotion.data.report import read_report
@@ -74,17 +65,19 @@ def pack(folder: Path, path: Path, quantum: float = QUANTUM) -> Differences:
     if not QUANTA[0] <= quantum <= QUANTA[1]:
         raise InputError(f"a quantum of {quantum:g} m; expected {QUANTA[0]:g} to {QUANTA[1]:g}")
     dataset = Dataset.load(folder)
-    coder = MotionCoder(packable(dataset.manifest.representation), quantum, TURN_QUANTUM)
+    coder = MotionCoder(pack_file.packable(dataset.manifest.representation), quantum, TURN_QUANTUM)
     blocks, differences = [], Differences()
-    for clips in clips_by_shard(dataset.manifest):
+    for clips in pack_file.clips_by_shard(dataset.manifest):
         features = [dataset.features(clip.clip()) for clip in clips]
         block = coder.encode(features)
         decoded = coder.decode(block, [clip.frames for clip in clips])
         for clip, before, after in zip(clips, features, decoded, strict=True):
             _compare(dataset, clip, before, after, differences)
-        blocks.append(compressed(block))
-    header = PackHeader(FORMAT, quantum, TURN_QUANTUM, dataset.manifest, read_report(folder), ())
-    write_pack(path, header, blocks)
+        blocks.append(pack_file.compressed(block))
+    header = pack_file.PackHeader(
+        pack_file.FORMAT, quantum, TURN_QUANTUM, dataset.manifest, read_report(folder), ()
+    )
+    pack_file.write_pack(path, header, blocks)
     return differences
 
 

@@ -8,28 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from latentmotion.data import report as reports
+from latentmotion.data import store
 from latentmotion.data.clip import Source, TaggedSentence, fit_sentences, mirror_sentence
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.quality import find_glitch
 from latentmotion.data.recording import Dropped, EncodedRecording, Label, Recording
-from latentmotion.data.report import (
-    README,
-    REPORT,
-    PreparationReport,
-    parts_of,
-    read_report,
-    readme,
-)
+from latentmotion.data.report import PreparationReport
 from latentmotion.data.sources import LABELS
-from latentmotion.data.store import (
-    DatasetManifest,
-    StoredClip,
-    StoredMotion,
-    StoredNormalizer,
-    caption_rows,
-    stored_normalizer,
-    write_dataset,
-)
+from latentmotion.data.store import StoredClip, StoredMotion, StoredNormalizer, stored_normalizer
 from latentmotion.errors import DataError
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.representation.interface import Normalizer, Representation
@@ -113,8 +100,8 @@ class Preparation:
                 frames=frames,
                 shard=0,
                 offset=0,
-                captions=caption_rows(captions),
-                mirrored_captions=caption_rows(mirrored),
+                captions=store.caption_rows(captions),
+                mirrored_captions=store.caption_rows(mirrored),
                 action=label.action,
                 mirrored_action=label.mirrored_action,
             )
@@ -167,17 +154,19 @@ class Preparation:
                 fitted, f"{len(train)} train clips and their mirror images"
             )
 
-        def report_of(manifest: DatasetManifest) -> PreparationReport:
+        def report_of(manifest: store.DatasetManifest) -> PreparationReport:
             dropped = tuple(self.dropped)
-            return PreparationReport(parts_of(manifest), dropped, self.round_trip_mm, notes)
+            return PreparationReport(reports.parts_of(manifest), dropped, self.round_trip_mm, notes)
 
-        def describe(place: Path, manifest: DatasetManifest) -> None:
+        def describe(place: Path, manifest: store.DatasetManifest) -> None:
             report, title = report_of(manifest), Path(folder).resolve().name
-            write_json(place / REPORT, report)
-            (place / README).write_text(readme(manifest, report.parts, title), encoding="utf-8")
+            write_json(place / reports.REPORT, report)
+            (place / reports.README).write_text(
+                reports.readme(manifest, report.parts, title), encoding="utf-8"
+            )
 
         settings = sources, self.representation, normalizer
-        return report_of(write_dataset(folder, self.motions, *settings, describe))
+        return report_of(store.write_dataset(folder, self.motions, *settings, describe))
 
 
 def _named(ids: Sequence[str]) -> str:
@@ -202,7 +191,7 @@ def merge(folders: Sequence[str | Path], out: str | Path) -> PreparationReport:
     for dataset in datasets:
         for stored in dataset.manifest.clips:
             preparation.motions.append(StoredMotion(stored, dataset.features(stored.clip())))
-        if report := read_report(dataset.folder):
+        if report := reports.read_report(dataset.folder):
             preparation.dropped += report.dropped
             preparation.note(report.round_trip_mm)
             notes += report.notes

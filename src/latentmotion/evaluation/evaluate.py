@@ -23,6 +23,7 @@ import numpy as np
 from latentmotion.condition import TASKS, TaskName
 from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError, ModelError
+from latentmotion.evaluation import scores as scoring
 from latentmotion.evaluation.candidates import Candidate, Generated, Motions
 from latentmotion.evaluation.evaluators.interface import Evaluator
 from latentmotion.evaluation.protocol import (
@@ -34,20 +35,7 @@ from latentmotion.evaluation.protocol import (
     TestSet,
 )
 from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report, provenance_of
-from latentmotion.evaluation.scores import (
-    EmbeddingCache,
-    Embeddings,
-    PositionScores,
-    Scores,
-    caption_multimodality,
-    embedding_cache,
-    embedding_scores,
-    ground_truth_scores,
-    lacks_smpl_joints,
-    measures_multimodality,
-    notes_on_joints,
-    reads_text,
-)
+from latentmotion.evaluation.scores import EmbeddingCache, Embeddings, PositionScores, Scores
 from latentmotion.plugins import plugins
 from latentmotion.progress import counted
 from latentmotion.storage.configuration import to_json
@@ -138,7 +126,7 @@ def _needs(
         return tasks.pop()
     clips = dataset.clips(protocol.split)
     captioned, labelled = any(c.captions for c in clips), any(c.action for c in clips)
-    by_text = evaluator is None or reads_text(evaluator)
+    by_text = evaluator is None or scoring.reads_text(evaluator)
     if by_text and captioned and any(candidate.reconstructs for candidate in candidates):
         return "text"
     return "action" if not by_text and labelled else "unconditional"
@@ -160,7 +148,7 @@ class Comparison:
 
     def __post_init__(self) -> None:
         self.test_set = build_test_set(self.candidates, self.dataset, self.evaluator, self.protocol)
-        self.cache = embedding_cache(self.evaluator) if self.evaluator is not None else None
+        self.cache = scoring.embedding_cache(self.evaluator) if self.evaluator is not None else None
         self.positions = PositionScores(self.dataset)
 
     def __call__(self) -> Report:
@@ -184,7 +172,7 @@ class Comparison:
         if self._measures_nearest(replication):
             scores = scores | self.positions.nearest(features)
         if real is not None:
-            scores = scores | ground_truth_scores(real, self.protocol, number)
+            scores = scores | scoring.ground_truth_scores(real, self.protocol, number)
         rows = {
             candidate.row: self._measure(candidate, replication, real)
             for candidate in self.candidates
@@ -261,9 +249,11 @@ class Comparison:
         if real is None or self.cache is None:
             return scores
         embeddings = self._embed(self.cache, motions, replication, candidate.row)
-        scores |= embedding_scores(embeddings, real, candidate.prompted, protocol, number)
-        if isinstance(candidate, Generated) and measures_multimodality(candidate, protocol, number):
-            figure = caption_multimodality(candidate, replication, self.cache, protocol)
+        scores |= scoring.embedding_scores(embeddings, real, candidate.prompted, protocol, number)
+        if isinstance(candidate, Generated) and scoring.measures_multimodality(
+            candidate, protocol, number
+        ):
+            figure = scoring.caption_multimodality(candidate, replication, self.cache, protocol)
             scores["MultiModality"] = figure
         return scores
 
@@ -325,7 +315,7 @@ def published_ground_truth(
     a mixture of several.
     """
     official = bool(getattr(evaluator, "official", False))
-    if not official or lacks_smpl_joints(dataset, evaluator) or len(dataset.sources) != 1:
+    if not official or scoring.lacks_smpl_joints(dataset, evaluator) or len(dataset.sources) != 1:
         return None
     name = dataset.sources[0].name
     return next((row for row in PUBLISHED if row.source == name), None)
@@ -369,9 +359,9 @@ def notes_of(
     ]
     if evaluator is None:
         notes.append("no evaluator, so metrics of positions alone")
-    elif reads_text(evaluator):
+    elif scoring.reads_text(evaluator):
         notes += _notes_on_text(test_set, evaluator.width)
-    notes += notes_on_joints(test_set.dataset, evaluator)
+    notes += scoring.notes_on_joints(test_set.dataset, evaluator)
     if evaluator is not None and not protocol.quirks.permuted_truth:
         notes.append(
             f"FID and KID of the ground truth are between random halves of {items // 2} "

@@ -33,13 +33,7 @@ from latentmotion.diffusion.parametrization import (
 )
 from latentmotion.diffusion.schedule import AnySchedule
 from latentmotion.errors import InputError, MissingExtraError, ModelError, hint
-from latentmotion.model.config import (
-    DenoiserConfig,
-    FewStepConfig,
-    LatentSpace,
-    Sampling,
-    VAEConfig,
-)
+from latentmotion.model import config
 from latentmotion.storage import limits
 from latentmotion.storage.configuration import from_json, read_plain, write_json
 
@@ -98,16 +92,16 @@ class ModelCard:
     representation: str  # Name of the motion features, e.g. `humanml3d`.
     normalizer_mean: tuple[float, ...]  # Mean of each feature.
     normalizer_std: tuple[float, ...]  # Standard deviation of each feature.
-    latents: LatentSpace  # Shape and scale of the latents.
+    latents: config.LatentSpace  # Shape and scale of the latents.
     schedule: AnySchedule  # Noise schedule.
     parametrization: Epsilon | Sample | Velocity  # Quantity that the denoiser predicts.
-    vae: VAEConfig  # Configuration of the VAE.
+    vae: config.VAEConfig  # Configuration of the VAE.
     # Configuration of the denoiser; None where only the first stage is trained.
-    denoiser: DenoiserConfig | None
+    denoiser: config.DenoiserConfig | None
     # Its task: which text encoder, which labels; empty where no denoiser is trained.
     condition: TextTask | ActionTask | UnconditionalTask
     # Default sampling settings.
-    sampling: Sampling = field(default_factory=lambda: Sampling(guidance=1.0))
+    sampling: config.Sampling = field(default_factory=lambda: config.Sampling(guidance=1.0))
     frames: tuple[int, int] = (16, 196)  # Shortest and longest motion it was trained on, in frames.
     precision: GraphPrecision = "float32"  # Precision of matrix products in the exported graphs.
     provenance: Provenance = Provenance()  # Where the weights come from.
@@ -132,12 +126,12 @@ class ModelCard:
         return not (self.denoiser.attends_to_padding or (behind and over_time))
 
     @property
-    def few_step(self) -> FewStepConfig | None:
+    def few_step(self) -> config.FewStepConfig | None:
         """Step counts and guidance scales of a distilled model; None for any other."""
         return self.denoiser.few_step if self.denoiser else None
 
     @property
-    def trained_denoiser(self) -> DenoiserConfig:
+    def trained_denoiser(self) -> config.DenoiserConfig:
         """Configuration of the denoiser of a model that has both stages.
 
         Raises:

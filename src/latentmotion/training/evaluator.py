@@ -24,11 +24,7 @@ from jaxtyping import Bool, Float, Int
 from latentmotion.data.clip import Caption, Clip, mirror_words
 from latentmotion.data.dataset import Crop, Cropping, Dataset, items_of
 from latentmotion.errors import DataError, InputError, hint
-from latentmotion.evaluation.evaluators.text_motion import (
-    T2MEvaluator,
-    TextMotionCard,
-    save_text_motion,
-)
+from latentmotion.evaluation.evaluators import text_motion
 from latentmotion.evaluation.evaluators.text_motion_network import (
     FRAMES,
     InfoNCE,
@@ -278,7 +274,7 @@ def train_evaluator(
     networks, seconds = train(stage, settings, folder, context)
     if context.is_main:
         figures = stage.validate(networks)
-        card = TextMotionCard(
+        card = text_motion.TextMotionCard(
             name=experiment.name,
             representation=dataset.representation.name,
             networks=experiment.networks,
@@ -287,8 +283,8 @@ def train_evaluator(
             provenance=provenance_of(dataset, seconds),
             figures={f"val_{name}": round(value, 4) for name, value in figures.items()},
         )
-        evaluator = T2MEvaluator(card, networks.cpu(), dataset.normalizer, vectors)
-        save_text_motion(folder / MODEL, evaluator, encoder)
+        evaluator = text_motion.T2MEvaluator(card, networks.cpu(), dataset.normalizer, vectors)
+        text_motion.save_text_motion(folder / MODEL, evaluator, encoder)
     return folder / MODEL
 
 

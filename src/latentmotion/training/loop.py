@@ -27,13 +27,8 @@ from latentmotion.errors import LatentMotionError, ModelError
 from latentmotion.motion import Motion
 from latentmotion.networks.device import autocast
 from latentmotion.storage.files import atomic_file
-from latentmotion.training.distributed import (
-    DistributedContext,
-    is_sharded,
-    shard,
-    shared_like,
-    whole,
-)
+from latentmotion.training import distributed
+from latentmotion.training.distributed import DistributedContext, whole
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.run_folder import Journal, write_strip, write_tensors
 
@@ -59,7 +54,7 @@ class ExponentialMovingAverage(Generic[Network]):
     def shard(self, context: DistributedContext) -> None:
         """Leaves each rank its part of the weights."""
         self._unshared = copy.deepcopy(self.network)
-        shard(self.network, self.network, context)
+        distributed.shard(self.network, self.network, context)
 
     def whole(self, context: DistributedContext) -> Network:
         """Returns the network with all weights; every rank must call it."""
@@ -143,13 +138,14 @@ def load_snapshot(
         for part, key in ((network, "network"), (average.network, "average")):
             current = part.state_dict()
             placed = {
-                k: shared_like(v, current[k]) if k in current else v for k, v in state[key].items()
+                k: distributed.shared_like(v, current[k]) if k in current else v
+                for k, v in state[key].items()
             }
             part.load_state_dict(placed)
         parameters = [p for group in optimizer.param_groups for p in group["params"]]
         for number, moments in state["optimizer"]["state"].items():
             for key in ("exp_avg", "exp_avg_sq"):
-                moments[key] = shared_like(moments[key], parameters[number])
+                moments[key] = distributed.shared_like(moments[key], parameters[number])
         optimizer.load_state_dict(state["optimizer"])
     except (KeyError, IndexError, RuntimeError, ValueError) as error:
         raise ModelError(
@@ -198,13 +194,13 @@ def train(
     Raises:
         LatentMotionError: The loss is no longer finite.
     """
-    sharded = is_sharded(stage.network, settings, context)
+    sharded = distributed.is_sharded(stage.network, settings, context)
     if not sharded:
         stage.to(context.device)
     average = ExponentialMovingAverage(stage.network, settings.ema_decay)
     if sharded:  # parts go to the device one after the other
         average.shard(context)
-        shard(stage, stage.network, context)
+        distributed.shard(stage, stage.network, context)
         stage.to(context.device)
     optimizer = torch.optim.AdamW(
         stage.network.parameters(),

@@ -23,25 +23,12 @@ from latentmotion.networks.checkpoint import build, start_from
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
 from latentmotion.training import denoiser as second_stage
+from latentmotion.training import run_folder, task_conditions
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import Experiment
 from latentmotion.training.loop import train
-from latentmotion.training.run_folder import (
-    EXPERIMENT_FILE,
-    MODEL,
-    Previews,
-    Run,
-    first_stage_card,
-    open_run,
-    second_stage_card,
-)
-from latentmotion.training.task_conditions import (
-    ConditionTable,
-    TaskConditioning,
-    items_to_learn,
-    task_conditioning,
-    with_condition_width,
-)
+from latentmotion.training.run_folder import MODEL, Previews, Run, open_run
+from latentmotion.training.task_conditions import TaskConditioning, task_conditioning
 from latentmotion.training.vae import BatchSampler, FeatureCache, VAEStage
 
 HELD_OUT = 128  # Most held-out crops that a validation looks at.
@@ -104,7 +91,7 @@ def train_first_stage(
     """Trains a VAE in an open run folder, or resumes it; returns the model folder."""
     vae, seconds = train(stage, experiment.vae_training, folder, context)
     if context.is_main:
-        card = first_stage_card(experiment, dataset, seconds, stage.validate(vae))
+        card = run_folder.first_stage_card(experiment, dataset, seconds, stage.validate(vae))
         checkpoint.save_model(folder / MODEL, checkpoint.FirstStageModel(card, vae))
     return folder / MODEL
 
@@ -139,7 +126,7 @@ def train_denoiser(
     dataset = Dataset.load(data)
     first = load_first_stage(vae) if vae else frames_as_first_stage(experiment, dataset)
     conditioning = task_conditioning(experiment, dataset, encoder)
-    experiment = with_condition_width(experiment, conditioning)
+    experiment = task_conditions.with_condition_width(experiment, conditioning)
     experiment, training = with_latent_width(experiment, first), experiment.denoiser_training
     check_fit(experiment, dataset, first, conditioning)
     parents = {"vae": first.fingerprint, **conditioning.task.parents}
@@ -163,7 +150,9 @@ def train_denoiser(
     denoiser, seconds = train(stage, training, folder, context)
     if context.is_main:
         figures = stage.validate(denoiser)
-        card = second_stage_card(experiment, dataset, card, conditioning, seconds, figures)
+        card = run_folder.second_stage_card(
+            experiment, dataset, card, conditioning, seconds, figures
+        )
         checkpoint.save_model(
             folder / MODEL, checkpoint.LatentModel(card, first.vae.cpu(), denoiser)
         )
@@ -310,7 +299,7 @@ def load_first_stage(folder: Path) -> FirstStage:
     if not (model / CARD_FILE).is_file():
         state = (
             "a run that has not ended"
-            if (folder / EXPERIMENT_FILE).is_file()
+            if (folder / run_folder.EXPERIMENT_FILE).is_file()
             else "no trained model"
         )
         raise ModelError(
@@ -334,7 +323,7 @@ def frames_as_first_stage(experiment: Experiment, dataset: Dataset) -> FirstStag
             "use --set latents.normalized=false"
         )
     config = IdentityVAEConfig(dataset.representation.width)
-    card = first_stage_card(replace(experiment, vae=config), dataset, 0.0, {})
+    card = run_folder.first_stage_card(replace(experiment, vae=config), dataset, 0.0, {})
     return FirstStage(build(config), replace(card, provenance=Provenance()), "none")
 
 
@@ -391,7 +380,7 @@ def prepare_latents(
     """
     settings, training = experiment.latents, experiment.denoiser_training
     clips = dataset.clips("train", mirrored=experiment.mirrored), dataset.clips("val")
-    items, held_out = (items_to_learn(conditioning.task, part) for part in clips)
+    items, held_out = (task_conditions.items_to_learn(conditioning.task, part) for part in clips)
     if isinstance(conditioning.condition, SentenceCondition):
         encoder = conditioning.condition.encoder
         items = experiment.draws.weigh(items, lambda texts: encoder(texts).pooled)
@@ -423,7 +412,7 @@ def prepare_latents(
                 space = measured(space, posteriors.take(range(len(every) - len(unseen))))
         posteriors = posteriors.normalized(space.mean, space.std).to(context.device)
         latents = second_stage.LatentCache(every, posteriors)
-    prompts = ConditionTable(
+    prompts = task_conditions.ConditionTable(
         conditioning.condition, captions_of([*items, *held_out]), context.device
     )
     batches = BatchSampler(items, training.batch_size, cropping, training.seed)

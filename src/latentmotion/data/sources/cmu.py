@@ -25,19 +25,9 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.data import quality
+from latentmotion.data import quality, recording
 from latentmotion.data.clip import Split, TaggedSentence, mirror_sentence
-from latentmotion.data.recording import (
-    FPS,
-    Dropped,
-    FileGroup,
-    Label,
-    Recording,
-    every,
-    files_below,
-    in_groups,
-    joints_at,
-)
+from latentmotion.data.recording import FPS, Dropped, FileGroup, Label, Recording
 from latentmotion.data.segments import pieces, touching
 from latentmotion.data.sources import LABELS, OWNERS
 from latentmotion.data.sources.humanml3d import (
@@ -140,7 +130,7 @@ class CmuTrials:
             uncaptioned: Whether to keep parts without captions, as in `recordings`.
         """
         groups = []
-        for trials in in_groups(sorted(self.paths), size):
+        for trials in recording.in_groups(sorted(self.paths), size):
             rows = _only(self.rows, trials)
             ids = [row.id for of_trial in rows.values() for row in of_trial]
             some = CmuTrials(
@@ -200,7 +190,7 @@ def find_trials(folder: Path) -> dict[str, Path]:
         raise DataError(f"no folder {folder}; it should hold CMU trials, from {CMU.url}")
     trials = {}
     for ending in (".bvh", ".amc"):
-        for path in files_below(folder, [ending]):
+        for path in recording.files_below(folder, [ending]):
             if match := _TRIAL.match(path.stem):
                 subject, number = map(int, match.groups())
                 trials[f"{subject:02d}_{number:02d}"] = path
@@ -262,12 +252,12 @@ def trial_joints(trial: str, path: Path) -> Float[np.ndarray, "frames joints 3"]
         DataError: The skeleton is unknown, or the rate too low.
     """
     if path.suffix.lower() == ".amc":
-        return joints_at(read_asf_amc(path), FPS, native_fps(trial))
+        return recording.joints_at(read_asf_amc(path), FPS, native_fps(trial))
     animation = read_bvh(path)
     native = native_fps(trial) if animation.fps == _STATED_RATE else animation.fps
     if not quality.begins_with_t_pose(animation):
-        return joints_at(animation, FPS, native)
-    joints = joints_at(every(animation, step=1, start=1), FPS, native)
+        return recording.joints_at(animation, FPS, native)
+    joints = recording.joints_at(recording.every(animation, step=1, start=1), FPS, native)
     return quality.without_blend(joints, native, FPS) if quality.is_blended(animation) else joints
 
 
@@ -283,7 +273,7 @@ def read_exercises(folder: Path, fps: int) -> dict[str, list[tuple[int, int, str
     """
     texts = {str(number): text for number, text in enumerate(LABELS["cmu"]["exercises"], 1)}
     exercises: dict[str, list[tuple[int, int, str]]] = {}
-    for path in files_below(folder, [".txt"]):
+    for path in recording.files_below(folder, [".txt"]):
         if path.parent.name != _LABEL_FOLDER:
             continue
         labels = read_text(path, "latin-1").split()

@@ -13,17 +13,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from latentmotion.data import recording
 from latentmotion.data.clip import Split, TaggedSentence, mirror_words
-from latentmotion.data.recording import (
-    FPS,
-    Dropped,
-    FileGroup,
-    Label,
-    Recording,
-    files_below,
-    in_groups,
-    joints_at,
-)
+from latentmotion.data.recording import FPS, Dropped, FileGroup, Label, Recording
 from latentmotion.data.sources import LABELS, OWNERS
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
@@ -61,7 +53,7 @@ def hdm05_groups(folder: Path, size: int | None = None) -> list[FileGroup]:
     Raises:
         DataError: There is no such folder, or no clip in it.
     """
-    groups = in_groups(find_clips(folder), size)
+    groups = recording.in_groups(find_clips(folder), size)
     return [FileGroup(tuple(paths), partial(_read, paths)) for paths in groups]
 
 
@@ -71,7 +63,7 @@ def _read(paths: Sequence[Path]) -> Iterator[Recording | Dropped]:
         assert match is not None
         action, rate = match["action"], float(match["fps"])
         try:
-            joints = joints_at(read_asf_amc(path, fps=rate), FPS, rate)
+            joints = recording.joints_at(read_asf_amc(path, fps=rate), FPS, rate)
         except (FileFormatError, DataError) as error:
             yield Dropped(path.stem, "clip", str(error))
             continue
@@ -99,7 +91,7 @@ def find_clips(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise DataError(f"no folder {folder}; it should hold HDM05's clips, from {HDM05.url}")
-    paths = [path for path in files_below(folder, [".amc"]) if _NAME.match(path.stem)]
+    paths = [path for path in recording.files_below(folder, [".amc"]) if _NAME.match(path.stem)]
     if not paths:
         raise DataError(
             f"{folder}: expected cut clips HDM_ACTOR_CLASS_NNN_120.amc beside HDM_ACTOR.asf, "

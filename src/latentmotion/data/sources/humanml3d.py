@@ -24,14 +24,8 @@ from pathlib import Path
 
 import numpy as np
 
-from latentmotion.data.clip import (
-    SPLITS,
-    Source,
-    Split,
-    TaggedSentence,
-    mirror_sentence,
-    parse_sentences,
-)
+from latentmotion.data import clip
+from latentmotion.data.clip import SPLITS, Source, Split, TaggedSentence
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
 from latentmotion.data.sources import OWNERS
 from latentmotion.data.store import OFFICIAL_FEATURES, StoredNormalizer, stored_normalizer
@@ -129,7 +123,7 @@ def read_texts(folder: Path) -> Mapping[str, str]:
 
 def sentences_of(texts: Mapping[str, str], name: str) -> tuple[TaggedSentence, ...]:
     """Returns the sentences of one id; none if it has no caption file."""
-    return parse_sentences(texts.get(name, ""))
+    return clip.parse_sentences(texts.get(name, ""))
 
 
 def official_recordings(
@@ -162,7 +156,7 @@ def official_recordings(
             split=split,
             sentences=sentences,
             mirrored_sentences=sentences_of(texts, f"M{name}")
-            or tuple(map(mirror_sentence, sentences)),
+            or tuple(map(clip.mirror_sentence, sentences)),
         )
         path = folder / FEATURES / f"{name}.npy"
         if not path.is_file():

@@ -39,32 +39,11 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion import formats
-from latentmotion.data.clip import (
-    SPLITS,
-    Source,
-    Split,
-    TaggedSentence,
-    mirror_sentence,
-    mirror_words,
-    parse_sentences,
-)
+from latentmotion.data import clip, quality
+from latentmotion.data import recording as recordings
+from latentmotion.data.clip import SPLITS, Source, Split, TaggedSentence
 from latentmotion.data.prepare import MIN_FRAMES
-from latentmotion.data.quality import (
-    begins_with_t_pose,
-    clean_spans,
-    find_glitch,
-    held_t_pose,
-)
-from latentmotion.data.recording import (
-    FPS,
-    Dropped,
-    FileGroup,
-    Label,
-    Recording,
-    at_rate,
-    files_below,
-    in_groups,
-)
+from latentmotion.data.recording import FPS, Dropped, FileGroup, Label, Recording
 from latentmotion.errors import DataError, FileFormatError, InputError
 from latentmotion.formats import fbx
 from latentmotion.formats.smpl import MOTIONX_NUMBERS
@@ -149,7 +128,7 @@ class OwnMotions:
         # Captions of files that are not there belong to the first group, which tells of them.
         unmatched = {name: entry for name, entry in listed.items() if name not in paths}
         groups = []
-        for some in in_groups(list(paths.items()), size):
+        for some in recordings.in_groups(list(paths.items()), size):
             unmatched |= {name: listed[name] for name, _ in some if name in listed}
             beside = [self._texts(path) for _, path in some]
             files = (*(path for _, path in some), *(text for text in beside if text.is_file()))
@@ -191,9 +170,9 @@ class OwnMotions:
                 origin=f"{name}{path.suffix}",
                 split=entry.split or split,
                 sentences=tuple(entry.sentences),
-                mirrored_sentences=tuple(map(mirror_sentence, entry.sentences)),
+                mirrored_sentences=tuple(map(clip.mirror_sentence, entry.sentences)),
                 action=action,
-                mirrored_action=mirror_words(action) if action else None,
+                mirrored_action=clip.mirror_words(action) if action else None,
             )
             for number, joints in enumerate(takes, 1):
                 take_label = label if len(takes) == 1 else replace(label, id=f"{label.id}-{number}")
@@ -222,7 +201,7 @@ class OwnMotions:
     def _annotations_beside(self, path: Path) -> _Annotations:
         """Returns the sentences beside a file, and the labels that its folders are."""
         texts = self._texts(path)
-        sentences = parse_sentences(read_text(texts)) if texts.is_file() else ()
+        sentences = clip.parse_sentences(read_text(texts)) if texts.is_file() else ()
         if not self.labelled:
             return _Annotations(list(sentences))
         folders = path.relative_to(self.folder).parts[:-1]
@@ -246,7 +225,7 @@ class OwnMotions:
             raise FileFormatError(path, problem)
         (motion,) = formats.load(path)
         fps = self.stated.fps if self.stated and self.stated.fps else motion.fps
-        return [at_rate(body.joints(motion), FPS, fps)]
+        return [recordings.at_rate(body.joints(motion), FPS, fps)]
 
     def _takes(self, path: Path) -> list[Float[np.ndarray, "frames joints 3"]]:
         """Reads HumanML3D's joints of each animation, without a T-pose that was put before it."""
@@ -259,9 +238,9 @@ class OwnMotions:
                 problem = f"found the joints of {motion.skeleton.name!r}"
                 raise FileFormatError(path, f"{problem}, expected HumanML3D's {count}")
             joints, recorded = motion.joints[:, :count], motion.recorded
-            if recorded and begins_with_t_pose(recorded.animation, _LEAST_MOVED):
+            if recorded and quality.begins_with_t_pose(recorded.animation, _LEAST_MOVED):
                 joints = joints[1:]
-            takes.append(at_rate(joints, FPS, motion.fps))
+            takes.append(recordings.at_rate(joints, FPS, motion.fps))
         return takes
 
 
@@ -288,10 +267,10 @@ def _without_glitches(recording: Recording) -> Iterator[Recording | Dropped]:
     """
     joints, label = recording.joints, recording.label
     body = joints[:, : len(HUMANML3D)]  # fingers, where there are any, come after it
-    reason = find_glitch(body, FPS) if len(joints) >= MIN_FRAMES else None
-    clean = clean_spans(body, FPS) if reason else []
+    reason = quality.find_glitch(body, FPS) if len(joints) >= MIN_FRAMES else None
+    clean = quality.clean_spans(body, FPS) if reason else []
     spans = [span for span in clean if span[1] - span[0] >= MIN_FRAMES]
-    spans = [span for span in spans if not held_t_pose(body[slice(*span)]).all()] or spans
+    spans = [span for span in spans if not quality.held_t_pose(body[slice(*span)]).all()] or spans
     if reason is None or not spans:
         yield recording
         return
@@ -348,7 +327,9 @@ def find_motions(folder: Path) -> dict[str, Path]:
         raise DataError(f"no folder {folder}; it should hold your motion files")
     endings = _endings()
     # Arrays give way to a motion of the same name, of which they may be features.
-    paths = sorted(files_below(folder, endings), key=lambda path: path.suffix.lower() != ".npy")
+    paths = sorted(
+        recordings.files_below(folder, endings), key=lambda path: path.suffix.lower() != ".npy"
+    )
     if not paths:
         raise DataError(f"{folder}: expected motion files ({', '.join(endings)}), found none")
     return {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}

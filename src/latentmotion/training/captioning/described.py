@@ -37,13 +37,7 @@ from latentmotion.ranking.agreement import check as check_agreement
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.storage.configuration import write_json
 from latentmotion.storage.files import atomic_file, atomic_folder
-from latentmotion.training.captioning.clauses import (
-    BASE_OF_PARTICIPLE,
-    BASE_OF_THIRD,
-    TABLE,
-    VERBS,
-    word_set,
-)
+from latentmotion.training.captioning import clauses
 from latentmotion.training.captioning.rewording import rewordings as reworded_texts
 from latentmotion.training.captioning.sentences import sentences
 
@@ -330,14 +324,14 @@ def _seconds(start: int, end: int, frames: int, before: float = 0.0) -> tuple[fl
     return (0.0, 0.0) if whole else (before + start / FPS, before + end / FPS)
 
 
-_FILLING, _DIRECTIONS = word_set("filling"), word_set("directions")
-_MANNERS: Mapping[str, str] = TABLE["manners"]
+_FILLING, _DIRECTIONS = clauses.word_set("filling"), clauses.word_set("directions")
+_MANNERS: Mapping[str, str] = clauses.TABLE["manners"]
 
 # Base forms by forms of a verb.
 _VERBS: Mapping[str, str] = {
-    **dict(zip(VERBS, VERBS, strict=True)),
-    **BASE_OF_THIRD,
-    **BASE_OF_PARTICIPLE,
+    **dict(zip(clauses.VERBS, clauses.VERBS, strict=True)),
+    **clauses.BASE_OF_THIRD,
+    **clauses.BASE_OF_PARTICIPLE,
 }
 
 
