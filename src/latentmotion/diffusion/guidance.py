@@ -90,10 +90,7 @@ class ProjectedGuidance:
 
 
 def guided(
-    rule: GuidanceRule,
-    model: ParametrizedDenoiser,
-    null: Conditioning,
-    scale: float | Times,
+    rule: GuidanceRule, model: ParametrizedDenoiser, null: Conditioning, scale: float | Times
 ) -> ParametrizedDenoiser:
     """Returns a denoiser with guidance around it.
 

@@ -26,14 +26,7 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation import scores as scoring
 from latentmotion.evaluation.candidates import Candidate, Generated, Motions
 from latentmotion.evaluation.evaluators.interface import Evaluator
-from latentmotion.evaluation.protocol import (
-    CLEAN,
-    HELD,
-    Lengths,
-    Protocol,
-    Replication,
-    TestSet,
-)
+from latentmotion.evaluation.protocol import CLEAN, HELD, Lengths, Protocol, Replication, TestSet
 from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report, provenance_of
 from latentmotion.evaluation.scores import EmbeddingCache, Embeddings, PositionScores, Scores
 from latentmotion.plugins import plugins

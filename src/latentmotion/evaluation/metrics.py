@@ -190,9 +190,7 @@ def ave(predicted: Parts, true: Parts) -> dict[str, float]:
     }
 
 
-def _variance(
-    part: Float[np.ndarray, "frames points axes"],
-) -> Float[np.ndarray, "points axes"]:
+def _variance(part: Float[np.ndarray, "frames points axes"]) -> Float[np.ndarray, "points axes"]:
     return part.var(axis=0, ddof=1) if len(part) > 1 else np.zeros(part.shape[1:])
 
 
@@ -317,9 +315,7 @@ def fid(
     return frechet_distance(Gaussian.of(generated), Gaussian.of(real))
 
 
-def _root(
-    covariance: Float[np.ndarray, "width width"],
-) -> Float[np.ndarray, "width width"]:
+def _root(covariance: Float[np.ndarray, "width width"]) -> Float[np.ndarray, "width width"]:
     values, vectors = scipy.linalg.eigh(covariance)
     return (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
 

@@ -144,9 +144,7 @@ CLEAN = Protocol("clean")  # The default protocol.
 
 # The authors' evaluation, for figures that are compared with those of papers.
 PAPER = Protocol(
-    "paper",
-    repeats=Repeats(texts=100, samples=30, pairs=10, replications=20),
-    quirks=AUTHORS,
+    "paper", repeats=Repeats(texts=100, samples=30, pairs=10, replications=20), quirks=AUTHORS
 )
 
 PROTOCOLS: dict[ProtocolName, Protocol] = {"clean": CLEAN, "paper": PAPER}  # Protocols by name.

@@ -179,9 +179,7 @@ class FunctionRecorder:
     """
 
     def __init__(
-        self,
-        record: Callable[[Function, tuple[Tensor, ...]], Function],
-        most: int = MAX_RECORDINGS,
+        self, record: Callable[[Function, tuple[Tensor, ...]], Function], most: int = MAX_RECORDINGS
     ) -> None:
         self._record = record
         self._most = most

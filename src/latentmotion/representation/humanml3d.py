@@ -167,10 +167,7 @@ HUMANML3D_FEATURES = HumanML3DRepresentation(
 
 # The same features of 52 joints, SMPL-H's body and fingers: 623 numbers, meters.
 HANDS_FEATURES = replace(
-    HUMANML3D_FEATURES,
-    name="hands",
-    skeleton=skeleton.HANDS,
-    directions=skeleton.HANDS_DIRECTIONS,
+    HUMANML3D_FEATURES, name="hands", skeleton=skeleton.HANDS, directions=skeleton.HANDS_DIRECTIONS
 )
 
 # The 251 features of KIT-ML; published ones count a thousandth of the body height as 1.

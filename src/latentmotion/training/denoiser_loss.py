@@ -26,12 +26,7 @@ from latentmotion.diffusion.parametrization import (
     Velocity,
     add_noise,
 )
-from latentmotion.diffusion.schedule import (
-    AnySchedule,
-    ScaledLinear,
-    Schedule,
-    StepCondition,
-)
+from latentmotion.diffusion.schedule import AnySchedule, ScaledLinear, Schedule, StepCondition
 from latentmotion.errors import InputError
 from latentmotion.networks.vae.interface import mean_of_real
 

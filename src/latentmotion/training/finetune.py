@@ -94,11 +94,7 @@ class FineTuningRun:
 
 
 def finetune(
-    settings: FineTuning,
-    clips: OwnMotions,
-    model: Path,
-    output: Path,
-    context: DistributedContext,
+    settings: FineTuning, clips: OwnMotions, model: Path, output: Path, context: DistributedContext
 ) -> Path:
     """Prepares, trains and distills, resuming finished parts; returns the run's folder.
 

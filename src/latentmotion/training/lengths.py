@@ -123,9 +123,7 @@ class LengthFigures:
 
 
 def train_lengths(
-    captions: CaptionLengths,
-    encoder: TextEncoder,
-    recipe: LengthRecipe = LengthRecipe(),
+    captions: CaptionLengths, encoder: TextEncoder, recipe: LengthRecipe = LengthRecipe()
 ) -> LengthModel:
     """Returns a model trained on the sentences; the same seed gives the same model.
 
@@ -326,11 +324,7 @@ class LengthVerdicts:
     obeyed: Bool[np.ndarray, " motions"]  # Whether it did what the prompt asks.
 
 
-def judged_lengths(
-    model: MotionPipeline,
-    trials: LengthTrials,
-    journal: Path,
-) -> LengthVerdicts:
+def judged_lengths(model: MotionPipeline, trials: LengthTrials, journal: Path) -> LengthVerdicts:
     """Generates drawn prompts at many lengths and judges the motions.
 
     Args:

@@ -159,10 +159,7 @@ def _make(
 
 
 def drawn_frames(
-    seconds: np.ndarray,
-    spread: float,
-    limits: tuple[int, int],
-    generator: np.random.Generator,
+    seconds: np.ndarray, spread: float, limits: tuple[int, int], generator: np.random.Generator
 ) -> np.ndarray:
     """Returns random lengths in whole tokens, around the usual length of each prompt."""
     drawn = FPS * seconds * np.exp(spread * generator.standard_normal(len(seconds)))

@@ -108,10 +108,7 @@ def teacher_targets(
 
 @torch.no_grad()
 def _compute_targets(
-    folder: Path,
-    ids: Sequence[Sequence[int]],
-    teacher: PretrainedTextEncoder,
-    device: torch.device,
+    folder: Path, ids: Sequence[Sequence[int]], teacher: PretrainedTextEncoder, device: torch.device
 ) -> None:
     starts = np.concatenate([[0], np.cumsum([len(row) for row in ids])])
     pooled = np.empty((len(ids), teacher.width), np.float32)

@@ -254,9 +254,7 @@ def _until_the_end(label: Label, seconds: float) -> Label:
         )
 
     return replace(
-        label,
-        sentences=ended(label.sentences),
-        mirrored_sentences=ended(label.mirrored_sentences),
+        label, sentences=ended(label.sentences), mirrored_sentences=ended(label.mirrored_sentences)
     )
 
 

@@ -58,11 +58,7 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from latentmotion.errors import InputError, ModelError
-from latentmotion.evaluation.evaluators.interface import (
-    EVALUATOR_FILE,
-    WEIGHTS_FILE,
-    Recognition,
-)
+from latentmotion.evaluation.evaluators.interface import EVALUATOR_FILE, WEIGHTS_FILE, Recognition
 from latentmotion.networks.checkpoint import load_weights, read_weights
 from latentmotion.networks.vae.convolutional import MaskedConvolution, ResidualBlock
 from latentmotion.representation import representation_named

@@ -29,10 +29,7 @@ WEIGHTS_FILE = "weights.safetensors"
 SCORER = Path("scorer")  # Name of the scorer that ships, among the models.
 
 # `module:function` of this package that reads a folder, by kind.
-LOADERS = {
-    "text_motion": "text_motion:load_text_motion",
-    "action": "action:load_action_classifier",
-}
+LOADERS = {"text_motion": "text_motion:load_text_motion", "action": "action:load_action_classifier"}
 
 
 @runtime_checkable

@@ -263,9 +263,7 @@ class TowerNetworks(nn.Module):
         self.apply(transformer.initialize)
 
     def motions(
-        self,
-        features: Float[Tensor, "batch frames features"],
-        mask: Bool[Tensor, "batch frames"],
+        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
     ) -> Float[Tensor, "batch width"]:
         """Returns the vectors of normalized motions; frames whose mask is False are zero."""
         first, last = self.config.rotations

@@ -258,10 +258,7 @@ def judge(
             Outcome(claim.clip, claim.group, claim.caption, check, (fulfilled,), (body.seconds,))
         )
     drilled = [
-        replace(
-            outcome,
-            fulfilled=tuple(map(trained[outcome.id], takes)),
-        )
+        replace(outcome, fulfilled=tuple(map(trained[outcome.id], takes)))
         for outcome, takes in zip(outcomes, motions, strict=True)
         if trained and outcome.id in trained
     ]
@@ -425,13 +422,4 @@ def write_prompts(path: str | Path, takes: int) -> None:
         for row in instructions():
             length = "" if row.seconds is None else f"{row.seconds:g}"
             seeds = " ".join(map(str, row.seeds(takes)))
-            writer.writerow(
-                [
-                    row.id,
-                    row.group,
-                    row.prompt,
-                    str(row.check),
-                    length,
-                    seeds,
-                ]
-            )
+            writer.writerow([row.id, row.group, row.prompt, str(row.check), length, seeds])

@@ -150,8 +150,7 @@ def _read(path: Path, fps: float) -> Joints:
         raise FileFormatError(path, f"{expected} ({error})") from error
     if joints.ndim != 3 or joints.shape[1:] != (22, 3) or joints.dtype.kind != "f":
         raise FileFormatError(
-            path,
-            f"found {joints.dtype} of shape {joints.shape}, expected floats (frames, 22, 3)",
+            path, f"found {joints.dtype} of shape {joints.shape}, expected floats (frames, 22, 3)"
         )
     if not MIN_FRAMES <= len(joints) <= MAX_FRAMES:
         raise FileFormatError(

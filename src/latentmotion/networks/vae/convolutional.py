@@ -185,9 +185,7 @@ class ConvolutionalVAE(MotionVAE):
         return cls(Chain(encoder), Chain(decoder), channels)
 
     def encode(
-        self,
-        features: Float[Tensor, "batch frames features"],
-        mask: Bool[Tensor, "batch frames"],
+        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
     ) -> Posterior:
         """Returns the distribution of ceil(frames / 4) latent tokens."""
         masks = pyramid(mask)
@@ -197,9 +195,7 @@ class ConvolutionalVAE(MotionVAE):
         return Posterior(mean, logvar.clamp(max=MAX_LOGVAR))
 
     def decode(
-        self,
-        latents: Float[Tensor, "batch tokens width"],
-        mask: Bool[Tensor, "batch frames"],
+        self, latents: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch frames"]
     ) -> Float[Tensor, "batch frames features"]:
         """Returns features of as many frames as the mask has."""
         masks = pyramid(mask)

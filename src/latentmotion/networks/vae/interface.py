@@ -73,9 +73,7 @@ class MotionVAE(nn.Module, ABC):
 
     @abstractmethod
     def encode(
-        self,
-        features: Float[Tensor, "batch frames features"],
-        mask: Bool[Tensor, "batch frames"],
+        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
     ) -> Posterior:
         """Returns the distribution of the latents, (batch, tokens, width).
 
@@ -86,9 +84,7 @@ class MotionVAE(nn.Module, ABC):
 
     @abstractmethod
     def decode(
-        self,
-        latents: Float[Tensor, "batch tokens width"],
-        mask: Bool[Tensor, "batch frames"],
+        self, latents: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch frames"]
     ) -> Float[Tensor, "batch frames features"]:
         """Returns normalized features, zero on padding.
 

@@ -198,9 +198,7 @@ class TransformerVAE(MotionVAE):
         )
 
     def encode(
-        self,
-        features: Float[Tensor, "batch frames features"],
-        mask: Bool[Tensor, "batch frames"],
+        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
     ) -> Posterior:
         """Returns the distribution of the latent tokens."""
         summary = self.summary.expand(features.shape[0], -1, -1)
@@ -209,9 +207,7 @@ class TransformerVAE(MotionVAE):
         return self.distribution(self.narrow(x[:, : summary.shape[1]]))
 
     def decode(
-        self,
-        latents: Float[Tensor, "batch tokens width"],
-        mask: Bool[Tensor, "batch frames"],
+        self, latents: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch frames"]
     ) -> Float[Tensor, "batch frames features"]:
         """Returns features of as many frames as the mask has."""
         return self.frames_out(self.decoder(self.widen(latents), mask)) * mask[..., None]
@@ -254,9 +250,7 @@ class VPoserT(MotionVAE):
         )
 
     def encode(
-        self,
-        features: Float[Tensor, "batch frames features"],
-        mask: Bool[Tensor, "batch frames"],
+        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
     ) -> Posterior:
         """Returns the distribution of the one latent token.
 
@@ -274,9 +268,7 @@ class VPoserT(MotionVAE):
         return Posterior(self.mean(h), 2 * deviation.log())
 
     def decode(
-        self,
-        latents: Float[Tensor, "batch tokens width"],
-        mask: Bool[Tensor, "batch frames"],
+        self, latents: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch frames"]
     ) -> Float[Tensor, "batch frames features"]:
         """Returns the first frames of the one length.
 
@@ -301,17 +293,13 @@ class IdentityVAE(MotionVAE):
         self.latent_width = features
 
     def encode(
-        self,
-        features: Float[Tensor, "batch frames features"],
-        mask: Bool[Tensor, "batch frames"],
+        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
     ) -> Posterior:
         """Returns the real frames as means, with the logarithm of a variance of 0."""
         return Posterior(features * mask[..., None], torch.full_like(features, -torch.inf))
 
     def decode(
-        self,
-        latents: Float[Tensor, "batch tokens width"],
-        mask: Bool[Tensor, "batch frames"],
+        self, latents: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch frames"]
     ) -> Float[Tensor, "batch frames features"]:
         """Returns the latents, zero on padding."""
         return latents * mask[..., None]

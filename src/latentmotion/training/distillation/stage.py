@@ -266,16 +266,11 @@ def student_of(teacher: DenoiserNetwork, config: DenoiserConfig) -> DenoiserNetw
 
 
 def finished(
-    card: ModelCard,
-    teacher: ModelCard,
-    provenance: Provenance,
-    figures: dict[str, float],
+    card: ModelCard, teacher: ModelCard, provenance: Provenance, figures: dict[str, float]
 ) -> ModelCard:
     """Adds to a student's card how it came to be, and how good it is."""
     of_vae = {name: value for name, value in teacher.figures.items() if name.startswith("vae_")}
     rounded = {f"student_{name}": round(value, 4) for name, value in figures.items()}
     return replace(
-        card,
-        provenance=provenance,
-        figures={**of_vae, **rounded, "teacher": teacher.name},
+        card, provenance=provenance, figures={**of_vae, **rounded, "teacher": teacher.name}
     )
