@@ -113,11 +113,9 @@ class Reconstructed:
         frames = [len(motion) for motion in motions]
         normalizer = normalizer_of(self.card)
         decoder = FeatureDecoder.of(self.card, self.vae.decode, torch.tensor)
-        padded = np.zeros((len(motions), max(frames), motions[0].shape[1]), np.float32)
-        for row, motion in zip(padded, motions, strict=True):
-            row[: len(motion)] = normalizer.normalize(motion)
+        rows = [torch.from_numpy(normalizer.normalize(motion)).float() for motion in motions]
         mask = prefix_mask(torch.tensor(frames))
-        posterior = self.vae.encode(torch.from_numpy(padded), mask)
+        posterior = self.vae.encode(torch.nn.utils.rnn.pad_sequence(rows, batch_first=True), mask)
         latents = posterior.mean
         if seeds is not None:
             tokens = self.vae.latent_mask(mask).sum(1).tolist()

@@ -21,18 +21,26 @@ from torch import nn
 from torch.nn import functional as F
 
 
-class PackedLinear(nn.Module):
-    """`nn.Linear` with its matrix in 8 bits."""
+class Packed(nn.Module):
+    """A layer with its matrix in 8 bits."""
 
     packed: torch.Tensor
     scale: torch.Tensor
+
+    def __init__(self, layer: nn.Linear | nn.Embedding) -> None:
+        super().__init__()
+        packed, scale = pack(layer.weight.detach())
+        self.register_buffer("packed", packed)
+        self.register_buffer("scale", scale)
+
+
+class PackedLinear(Packed):
+    """`nn.Linear` with its matrix in 8 bits."""
+
     bias: torch.Tensor
 
     def __init__(self, linear: nn.Linear) -> None:
-        super().__init__()
-        packed, scale = pack(linear.weight.detach())
-        self.register_buffer("packed", packed)
-        self.register_buffer("scale", scale)
+        super().__init__(linear)
         self.register_buffer("bias", linear.bias.detach().clone())
 
     def forward(self, inputs: Float[torch.Tensor, "*batch width"]) -> torch.Tensor:
@@ -40,17 +48,8 @@ class PackedLinear(nn.Module):
         return F.linear(inputs, self.packed.to(inputs.dtype) * self.scale, self.bias)
 
 
-class PackedEmbedding(nn.Module):
+class PackedEmbedding(Packed):
     """`nn.Embedding` with its table in 8 bits."""
-
-    packed: torch.Tensor
-    scale: torch.Tensor
-
-    def __init__(self, embedding: nn.Embedding) -> None:
-        super().__init__()
-        packed, scale = pack(embedding.weight.detach())
-        self.register_buffer("packed", packed)
-        self.register_buffer("scale", scale)
 
     def forward(self, tokens: Int[torch.Tensor, "*batch"]) -> torch.Tensor:
         """Returns one row of the table per token."""

@@ -346,11 +346,7 @@ def encoder_stack(config: TransformerConfig) -> nn.Module:
     """Builds a stack called with (x, mask)."""
     sizes, residual = (config.width, config.heads, config.attention_dropout), _residual(config)
     return _stack(
-        config,
-        [
-            EncoderLayer(SelfAttention(*sizes), _feed_forward(config), residual)
-            for _ in range(config.layers)
-        ],
+        config, lambda: EncoderLayer(SelfAttention(*sizes), _feed_forward(config), residual)
     )
 
 
@@ -359,12 +355,9 @@ def decoder_stack(config: TransformerConfig) -> nn.Module:
     sizes, residual = (config.width, config.heads, config.attention_dropout), _residual(config)
     return _stack(
         config,
-        [
-            DecoderLayer(
-                SelfAttention(*sizes), CrossAttention(*sizes), _feed_forward(config), residual
-            )
-            for _ in range(config.layers)
-        ],
+        lambda: DecoderLayer(
+            SelfAttention(*sizes), CrossAttention(*sizes), _feed_forward(config), residual
+        ),
     )
 
 
@@ -373,7 +366,8 @@ def position(kind: PositionKind, width: int, dropout: float) -> nn.Module:
     return LearnedPosition(width) if kind == "learned" else SinePosition(width, dropout)
 
 
-def _stack(config: TransformerConfig, layers: list[nn.Module]) -> nn.Module:
+def _stack(config: TransformerConfig, layer: Callable[[], nn.Module]) -> nn.Module:
+    layers = [layer() for _ in range(config.layers)]
     norm = nn.LayerNorm(config.width) if config.final_norm else nn.Identity()
     stack = SkipStack(layers, norm, config.width) if config.skips else Stack(layers, norm)
     stack.apply(initialize)

@@ -76,21 +76,18 @@ class RarityDraws:
             replace(item, weights=tuple(weights[row[text]] for text in item.captions))
             for item in items
         ]
-        return self._without_most_composed(weighed)
-
-    def _without_most_composed(self, items: list[Item]) -> list[Item]:
-        """Scales the weights of composed sequences down to their share."""
-        composed = sum(item.weight for item in items if item.clip.source == COMPOSED)
-        others = sum(item.weight for item in items) - composed
+        # The weights of composed sequences are scaled down to their share.
+        composed = sum(item.weight for item in weighed if item.clip.source == COMPOSED)
+        others = sum(item.weight for item in weighed) - composed
         allowed = others * self.composed / (1 - self.composed) if self.composed < 1 else composed
         if composed <= allowed:
-            return items
+            return weighed
         scale = allowed / composed
         return [
             replace(item, weights=tuple(scale * weight for weight in item.weights))
             if item.clip.source == COMPOSED
             else item
-            for item in items
+            for item in weighed
         ]
 
 
@@ -217,14 +214,20 @@ def with_changes(experiment: Settings, changes: Sequence[str]) -> Settings:
     return from_json(type(experiment), data)
 
 
-def differing_keys(first: Any, second: Any, where: str = "") -> Iterator[str]:
-    """Names the values in which two experiments, or parts of them, differ."""
+def differences(first: Any, second: Any, where: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Yields the values in which two experiments, or parts of them, differ: key, first, second."""
     if isinstance(first, dict) and isinstance(second, dict):
         for key in first | second:
             path = f"{where}.{key}" if where else key
-            yield from differing_keys(first.get(key), second.get(key), path)
+            yield from differences(first.get(key), second.get(key), path)
     elif first != second:
-        yield f"{where} ({first!r} → {second!r})"
+        yield where, first, second
+
+
+def differing_keys(first: Any, second: Any, where: str = "") -> Iterator[str]:
+    """Names the values in which two experiments, or parts of them, differ."""
+    for key, before, after in differences(first, second, where):
+        yield f"{key} ({before!r} → {after!r})"
 
 
 _TABLE = tomllib.loads(Path(__file__).with_name("presets.toml").read_text(encoding="utf-8"))

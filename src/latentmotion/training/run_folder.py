@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +30,7 @@ from latentmotion.storage.configuration import from_json, read_plain, to_json, w
 from latentmotion.storage.files import atomic_file, write_file
 from latentmotion.storage.provenance import command_line, commit
 from latentmotion.training.distributed import DistributedContext
-from latentmotion.training.experiment import Experiment, differing_keys
+from latentmotion.training.experiment import Experiment, differences
 from latentmotion.training.task_conditions import TaskConditioning
 
 
@@ -66,9 +65,8 @@ AnyRun = TypeVar("AnyRun")
 # Files of other folders of this package.
 _OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json")
 
-_STEPS = re.compile(r"(?:\w+\.)*\w*training\.steps \((\d+) → (\d+)\)")
-# Settings that may differ when a run is resumed.
-_MACHINE = re.compile(r"(?:\w+\.)*\w*training\.(?:precision|parallel) \(.*\)")
+# Settings of a training that may differ when a run is resumed.
+_MACHINE = ("precision", "parallel")
 
 MODEL = "model"  # Folder of the trained model in a run folder.
 
@@ -103,13 +101,12 @@ def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
         # Through text, as the file went: tuples become lists.
         existing = json.loads(json.dumps(to_json(read_run(type(run), folder))))
         current = json.loads(json.dumps(to_json(run)))
-        differing = list(differing_keys(existing, current))
-        fixed = []
-        for key in differing:  # more steps and another precision may be asked for
-            steps = _STEPS.fullmatch(key)
-            more = steps and int(steps[2]) > int(steps[1])
-            if not more and not _MACHINE.fullmatch(key):
-                fixed.append(key)
+        differing, fixed = list(differences(existing, current)), []
+        for key, before, after in differing:  # more steps and another precision may be asked for
+            part, _, name = key.rpartition(".")
+            more = name == "steps" and after > before
+            if not part.endswith("training") or not (more or name in _MACHINE):
+                fixed.append(f"{key} ({before!r} → {after!r})")
         if fixed:
             raise InputError(
                 f"{folder} holds a run with another configuration; differing: "

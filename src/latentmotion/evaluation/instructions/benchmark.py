@@ -54,8 +54,7 @@ class Pattern:
         """Returns whether a caption makes the claim; one of both sides claims no single side."""
         if _NEGATED.search(text) or not self.words.search(text):
             return False
-        both = re.search(r"\bleft\b", text) and re.search(r"\bright\b", text)
-        return not (both and self.group == "side")
+        return self.group != "side" or not {"left", "right"} <= {*re.split(r"\W", text)}
 
 
 @dataclass(frozen=True, eq=False)

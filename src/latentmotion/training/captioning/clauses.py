@@ -123,7 +123,7 @@ def words_of(text: str) -> list[str] | None:
     """Returns lower-case words, commas and periods; None where there are other characters."""
     text = text.lower().replace("\u2019", "'").strip().rstrip(". ")
     words = _WORDS.findall(text)
-    return words if "".join(words) == re.sub(r"\s+", "", text) else None
+    return words if "".join(words) == "".join(text.split()) else None
 
 
 def read_clauses(text: str) -> Sentence | None:

@@ -193,7 +193,7 @@ class _SequenceComposer:
             return None
         self.used.update((first.name, second.name))
         self.joined.add((first.name, second.name))
-        cuts = first.cut(0, end), second.cut(start, start + len(following))
+        cuts = Cut(first, 0, end), Cut(second, start, start + len(following))
         features = representation.encode(joints)
         origin = f"{cuts[0].origin} + {cuts[1].origin}"
         return composed_motion(name, features, self._captions(*cuts, len(features)), origin)
@@ -273,10 +273,6 @@ class ActionClip:
     def fewest(self) -> int:
         """Fewest frames that it may be cut to."""
         return min(_STEADY_FRAMES, len(self.joints) - 1) if self.steady else len(self.joints)
-
-    def cut(self, start: int, end: int) -> Cut:
-        """Returns a piece of it, frames counted from its own first one."""
-        return Cut(self, start, end)
 
 
 @dataclass(frozen=True, eq=False)

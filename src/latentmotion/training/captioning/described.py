@@ -32,7 +32,6 @@ from latentmotion.language.reading import claims_of
 from latentmotion.language.words import plain, third_person
 from latentmotion.measure.facts import Description
 from latentmotion.measure.scene import describe
-from latentmotion.ranking.agreement import check
 from latentmotion.ranking.agreement import check as check_agreement
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.storage.configuration import write_json
@@ -345,7 +344,11 @@ def captions_of_names(files: Iterable[str]) -> dict[str, str]:
     Args:
         files: Paths of all files of a folder.
     """
-    words = {file: _words_of_name(PurePath(file).stem) for file in files}
+    words: dict[str, list[str]] = {}
+    for file in files:
+        spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", PurePath(file).stem)
+        parts = re.split(r"[\W\d_]+", spaced.lower())
+        words[file] = [word for word in parts if len(word) > 1]
     shared = set.intersection(*map(set, words.values())) if len(words) > 1 else set()
     shared -= _VERBS.keys()  # of turn_left and turn_right, both turn
     if any(not set(row) - shared - _FILLING for row in words.values()):
@@ -354,11 +357,6 @@ def captions_of_names(files: Iterable[str]) -> dict[str, str]:
         file: _sentence_of([word for word in row if word not in shared | _FILLING])
         for file, row in words.items()
     }
-
-
-def _words_of_name(stem: str) -> list[str]:
-    spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", stem)
-    return [word for word in re.split(r"[\W\d_]+", spaced.lower()) if len(word) > 1]
 
 
 def _sentence_of(words: list[str]) -> str:
@@ -465,7 +463,7 @@ def holds(caption: str, whole: Description, part: Description) -> bool:
         part: Description of some of them.
     """
     claims = claims_of(caption)
-    of_whole, of_part = check(claims, whole), check(claims, part)
+    of_whole, of_part = check_agreement(claims, whole), check_agreement(claims, part)
     if of_part.verdict == "contradicts":
         return False
     pairs = list(zip(of_whole.verdicts, of_part.verdicts, strict=True))

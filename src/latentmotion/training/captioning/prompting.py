@@ -220,11 +220,16 @@ def _clause(pattern: str, form: str, who: Subject, generator: np.random.Generato
     if form == "third" and who.plural:
         verb_form = "plural"
     text = _agreed(_expanded(pattern, generator), who, generator)
-    text = re.sub(r"~([\w-]+)", lambda match: inflect(match[1], verb_form), text)
+    text = inflected(text, verb_form)
     lead = who.name
     if form == "is" and who.name:
         lead = f"{who.name} {'are' if who.plural else 'is'}"
     return _tidy(f"{lead} {text}")
+
+
+def inflected(text: str, form: str) -> str:
+    """Returns a text with its verbs, which follow `~` in their base form, in another form."""
+    return re.sub(r"~([\w-]+)", lambda match: inflect(match[1], form), text)
 
 
 def _noun(words: Wording, generator: np.random.Generator) -> str:

@@ -294,7 +294,7 @@ def _joined(
     if short:
         text = _DROPPED.sub(r"\1 ", text)
     text = re.sub(r"\ban? (?=anti)", "an ", re.sub(r"\ban? (?=counter)", "a ", text))
-    text = re.sub(r"\s+", " ", text).replace(" ,", ",").strip(" ,")
+    text = " ".join(text.split()).replace(" ,", ",").strip(" ,")
     return text + (str(generator.choice([".", ""])) if not short else "")
 
 

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from latentmotion.language.words import inflect, present_participle
+from latentmotion.language.words import present_participle
 from latentmotion.measure.facts import LEFT, RIGHT, Description, Event
 from latentmotion.measure.reported_acts import ReportedAct, acts_of
 from latentmotion.measure.whole_body import FAST, SLOW
 from latentmotion.ranking.agreement import check
-from latentmotion.training.captioning.prompting import SUBJECTS, filled
+from latentmotion.training.captioning.prompting import SUBJECTS, filled, inflected
 
 MOST_ACTS = 5  # Most acts of one sentence; of more, those that last longest are described.
 
@@ -106,8 +106,7 @@ def _draw(wordings: list[str], generator: np.random.Generator) -> str:
 
 def _filled(phrase: str, his: str, him: str, form: str) -> str:
     """Inflects the verbs of a phrase and fills in its pronouns."""
-    phrase = phrase.replace("<his>", his).replace("<him>", him)
-    return re.sub(r"~(\w+)", lambda match: inflect(match[1], form), phrase)
+    return inflected(phrase.replace("<his>", his).replace("<him>", him), form)
 
 
 def _joined(

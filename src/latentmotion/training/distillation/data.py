@@ -116,7 +116,7 @@ class DistillationData:
     items: tuple[Item, ...]  # Items to learn from; the teacher generates from their captions.
     held_out: tuple[Crop, ...]  # Crops for evaluation only.
     # Drawn prompts with their checks, as crops of the length to generate.
-    asked: tuple[tuple[Crop, Instruction], ...]
+    drawn: tuple[tuple[Crop, Instruction], ...]
     # Further captions, as crops of the length to generate, each with wordings of it.
     reworded: tuple[tuple[Crop, tuple[str, ...]], ...]
     settings: Distillation  # Numbers of each, and the seed.
@@ -137,9 +137,9 @@ class DistillationData:
             batches(step) for step in range(max(self.settings.objective.trajectories // AT_ONCE, 1))
         ]
         parts = [self._trajectories(TRAJECTORIES_FILE, blocks, 0)]
-        if self.asked:
-            blocks = in_blocks(crop for crop, _ in self.asked)
-            drawn = self._trajectories("asked.safetensors", blocks, 2**30, dict(self.asked))
+        if self.drawn:
+            blocks = in_blocks(crop for crop, _ in self.drawn)
+            drawn = self._trajectories("asked.safetensors", blocks, 2**30, dict(self.drawn))
             parts.append(drawn)
         if self.reworded:
             blocks = in_blocks(crop for crop, _ in self.reworded)
