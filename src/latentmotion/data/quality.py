@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float
 
 from latentmotion.arrays import unit
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation
+from latentmotion.measure.signals import spans
 
 ANY_JOINT = 240.0  # Largest credible acceleration of any joint, m/s².
 PELVIS = 75.0  # Largest credible acceleration of the pelvis, m/s².
@@ -98,8 +99,7 @@ def clean_spans(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> lis
     bad[1:] |= speed > PELVIS_SPEED
     bad[1:-1] |= jumps
     near = np.convolve(bad, np.ones(2 * MARGIN + 1), "same") > 0
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], near, [True]]).astype(int)))
-    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
+    return list(spans(~near))
 
 
 def begins_with_t_pose(animation: Animation, least: float = 0.0) -> bool:
@@ -176,16 +176,12 @@ def held_t_pose(joints: Float[np.ndarray, "frames joints 3"]) -> Bool[np.ndarray
 
 def without_t_poses(joints: Float[np.ndarray, "frames joints 3"]) -> list[tuple[int, int]]:
     """Returns the stretches without calibration poses and the motion into and out of them."""
-    is_t_pose = held_t_pose(joints)
-    runs = np.flatnonzero(np.diff(np.concatenate([[0], is_t_pose.astype(int), [0]]))).reshape(-1, 2)
     posed = np.zeros(len(joints), bool)
-    for first, last in runs.tolist():
+    for first, last in spans(held_t_pose(joints)):
         at_edge = first < EDGE or last > len(joints) - EDGE
         if last - first >= HELD or at_edge:
             posed[max(0, first - LOWERING) : last + LOWERING] = True
-    changes = np.diff(np.concatenate([[1], posed.astype(int), [1]]))
-    starts, ends = (np.flatnonzero(changes == change).tolist() for change in (-1, 1))
-    return list(zip(starts, ends, strict=True))
+    return list(spans(~posed))
 
 
 def _wrong_size(joints: Float[np.ndarray, "frames joints 3"]) -> str | None:

@@ -127,7 +127,9 @@ def cost_of(
         encoder: Text encoder, if it is not in the folder.
         clock: As for `aits`.
     """
-    counts = parameter_counts(folder)
+    networks = load_stages(folder).networks
+    counts = {name: parameters(network) for name, network in networks.items()}
+    counts["together"] = sum(counts.values())
     if candidate is None:
         return Cost(counts)
     longest = longest_of(prompts)
@@ -140,13 +142,6 @@ def cost_of(
         len(prompts),
         f"after {min(WARM_UP, len(prompts))} that warm up",
     )
-
-
-def parameter_counts(folder: Path) -> dict[str, int]:
-    """Returns the number of parameters of each network of a model folder."""
-    networks = load_stages(folder).networks
-    counts = {name: parameters(network) for name, network in networks.items()}
-    return counts | {"together": sum(counts.values())}
 
 
 def generation_flops(candidate: Generated, prompt: TestPrompt) -> int:

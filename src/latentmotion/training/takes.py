@@ -7,8 +7,9 @@ run folder, a file of each rank.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -29,6 +30,8 @@ from latentmotion.training.checking import fulfills
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.run_folder import write_tensors
 from latentmotion.training.task_conditions import ConditionTable
+
+Blocks = TypeVar("Blocks", bound=Any)
 
 AT_ONCE = 64  # Motions that are made together.
 
@@ -107,7 +110,7 @@ def cached_takes(
         takes = _make(settings, instructions, seconds, model, prompts, context)
         write_tensors(rank_file, vars(takes))
     context.wait()
-    return joined_takes([Takes(**load_file(file)) for file in files])
+    return joined([Takes(**load_file(file)) for file in files])
 
 
 @torch.no_grad()
@@ -155,7 +158,7 @@ def _make(
         if context.is_main and number % 20 == 0:
             share = torch.cat([part.obeys for part in parts]).float().mean()
             print(f"takes: block {number} of {len(blocks)}, {100 * share:.0f} % obey", flush=True)
-    return joined_takes(parts)
+    return joined(parts)
 
 
 def drawn_frames(
@@ -181,18 +184,23 @@ def judged(
     return fulfills(describe(joints), instruction.check), slides + depth / DEPTH
 
 
-def joined_takes(parts: Sequence[Takes]) -> Takes:
-    """Returns the takes of several files or batches as one."""
+def joined(parts: Sequence[Blocks]) -> Blocks:
+    """Returns the rows of several blocks as one, padded to the longest.
+
+    Args:
+        parts: Dataclasses of tensors with a `mask`; the tokens of arrays with more axes than it
+            are their last axis but one.
+    """
     longest = max(part.mask.shape[1] for part in parts)
-    pad = torch.nn.functional.pad
-    wide = [longest - part.mask.shape[1] for part in parts]
-    return Takes(
-        torch.cat([pad(p.latents, (0, 0, 0, n)) for p, n in zip(parts, wide, strict=True)]),
-        torch.cat([pad(p.mask, (0, n)) for p, n in zip(parts, wide, strict=True)]),
-        torch.cat([part.prompt for part in parts]),
-        torch.cat([part.obeys for part in parts]),
-        torch.cat([part.faults for part in parts]),
-    )
+    columns = []
+    for column in fields(parts[0]):
+        tensors = []
+        for part in parts:
+            tensor, missing = getattr(part, column.name), longest - part.mask.shape[1]
+            padding = {1: (), 2: (0, missing)}.get(tensor.ndim, (0, 0, 0, missing))
+            tensors.append(torch.nn.functional.pad(tensor, padding))
+        columns.append(torch.cat(tensors))
+    return type(parts[0])(*columns)
 
 
 def _centered(values: torch.Tensor, group: torch.Tensor) -> torch.Tensor:

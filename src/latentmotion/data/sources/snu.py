@@ -44,7 +44,7 @@ from latentmotion.data.sources import LABELS, OWNERS
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.measure.signals import JOINT
 from latentmotion.progress import counted
 from latentmotion.storage.reading import read_text
 
@@ -110,9 +110,8 @@ def snu_recordings(folder: Path) -> Iterator[Recording | Dropped]:
     takes_by_length: dict[int, list[tuple[str, Joints]]] = defaultdict(list)
     for path in counted(find_takes(folder), "takes"):
         try:
-            if (
-                path.suffix.lower() == ".bvh"
-            ):  # in inches if it has joints of length 0 called …Dummy
+            if path.suffix.lower() == ".bvh":
+                # In inches if it has joints of length 0 called …Dummy.
                 inches = b"LeftUpLegDummy" in _head(path, 1 << 14)
                 animation = read_bvh(path, "inches" if inches else "centimeters")
             else:
@@ -355,9 +354,9 @@ def split_of(source: str, recording: str) -> Split:
     return "val" if draw < TEST + VAL else "train"
 
 
-_J = {name: number for number, name in enumerate(HUMANML3D.names)}
-_WRISTS, _FEET = [_J["left_wrist"], _J["right_wrist"]], [_J["left_foot"], _J["right_foot"]]
-_ANKLES = [_J["left_ankle"], _J["right_ankle"]]
+_WRISTS = [JOINT["left_wrist"], JOINT["right_wrist"]]
+_ANKLES = [JOINT["left_ankle"], JOINT["right_ankle"]]
+_FEET = [JOINT["left_foot"], JOINT["right_foot"]]
 _SECOND = np.full(FPS, 1 / FPS)
 
 
@@ -383,7 +382,7 @@ def floor_of(joints: Joints) -> float:
 def _height(joints: Joints) -> Float[np.ndarray, " frames"]:
     """Height of the pelvis relative to the legs' length: 1 when standing upright."""
     bones = [("left_hip", "left_knee"), ("left_knee", "left_ankle")]
-    leg = sum(np.linalg.norm(joints[0, _J[a]] - joints[0, _J[b]]) for a, b in bones)
+    leg = sum(np.linalg.norm(joints[0, JOINT[a]] - joints[0, JOINT[b]]) for a, b in bones)
     # The pelvis is about 12 cm above the hips' and ankles' distance: hip offset and ankle height.
     return joints[:, 0, 1] / (leg + 0.12)
 
@@ -401,21 +400,21 @@ def _path_speed(joints: Joints) -> Float[np.ndarray, " frames_less_one"]:
 
 def _turn(joints: Joints) -> float:
     """Degrees by which the hips turn from the first to the last frame, to the left."""
-    across = joints[:, _J["left_hip"]] - joints[:, _J["right_hip"]]
+    across = joints[:, JOINT["left_hip"]] - joints[:, JOINT["right_hip"]]
     heading = np.unwrap(np.arctan2(-across[:, 2], across[:, 0]))
     return float(np.degrees(heading[-1] - heading[0]))
 
 
 def _bend(joints: Joints) -> float:
     """Largest angle between the trunk and the vertical, degrees."""
-    trunk = joints[:, _J["neck"]] - joints[:, 0]
+    trunk = joints[:, JOINT["neck"]] - joints[:, 0]
     return float(np.degrees(np.arccos(trunk[:, 1] / np.linalg.norm(trunk, axis=-1))).max())
 
 
 def _swing(side: str, other: str) -> Callable[[Joints], bool]:
     def swings(joints: Joints) -> bool:
-        speed = _speed(joints, [_J[f"{side}_wrist"]]).max()
-        return bool(speed > 3 and speed > _speed(joints, [_J[f"{other}_wrist"]]).max())
+        speed = _speed(joints, [JOINT[f"{side}_wrist"]]).max()
+        return bool(speed > 3 and speed > _speed(joints, [JOINT[f"{other}_wrist"]]).max())
 
     return swings
 
@@ -442,7 +441,7 @@ EVIDENCE: Mapping[str, Callable[[Joints], bool]] = {
     "reaches": lambda j: (
         float(np.linalg.norm(j[:, _WRISTS][..., ::2] - j[:, :1, ::2], axis=-1).max()) > 0.5
     ),
-    "hands_up": lambda j: bool((j[:, _WRISTS, 1].max(1) > j[:, _J["neck"], 1]).sum() > 6),
+    "hands_up": lambda j: bool((j[:, _WRISTS, 1].max(1) > j[:, JOINT["neck"], 1]).sum() > 6),
     "kicks": lambda j: bool(j[:, _ANKLES, 1].max() > 0.55),
     "one_leg": lambda j: bool((j[:, _ANKLES, 1].max(1) > 0.35).mean() > 0.5),
     "jumps": lambda j: bool(j[:, _FEET, 1].min(1).max() > 0.1),

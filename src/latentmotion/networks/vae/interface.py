@@ -241,7 +241,8 @@ def vae_losses(
     if vertices_of is not None:
         surfaces = vertices_of(rebuilt), vertices_of(features)
         losses["vertices"] = objective.mean(_distance(*surfaces, 1.0), mask)
-    return {"total": weighted_sum(losses, objective), **losses}
+    weighted = [getattr(objective, name) * loss for name, loss in losses.items()]
+    return {"total": torch.stack(weighted).sum(), **losses}
 
 
 def feature_losses(
@@ -330,11 +331,6 @@ def _spectral_distance(
     squares = (magnitudes(output) - magnitudes(true)) ** 2
     whole = real.any(dim=1)
     return mean(squares[whole], real[whole]) * whole.float().mean()
-
-
-def weighted_sum(losses: dict[str, Tensor], objective: VAEObjective) -> Tensor:
-    """Returns what is minimized: losses times the objective's weights of their names."""
-    return torch.stack([getattr(objective, name) * loss for name, loss in losses.items()]).sum()
 
 
 def _distance(output: Tensor, true: Tensor, huber_delta: float) -> Tensor:

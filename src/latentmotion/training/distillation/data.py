@@ -36,13 +36,12 @@ from latentmotion.training.distillation.trajectories import (
     TrajectorySteps,
     cached_trajectories,
     check_stops,
-    joined_trajectories,
 )
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.drawn_instructions import drawn_instructions
 from latentmotion.training.experiment import RarityDraws, TrainingSettings
 from latentmotion.training.stages import captions_of
-from latentmotion.training.takes import drawn_frames, judged
+from latentmotion.training.takes import drawn_frames, joined, judged
 from latentmotion.training.task_conditions import ConditionTable, items_to_learn, required_encoder
 from latentmotion.training.vae import BatchSampler
 
@@ -146,7 +145,7 @@ class DistillationData:
             parts.append(self._trajectories("reworded.safetensors", blocks, 3 << 30))
         learned = PromptedTrajectories(
             tuple(crop for part in parts for crop in part.crops),
-            joined_trajectories([part.trajectories for part in parts]),
+            joined([part.trajectories for part in parts]),
             dict(self.reworded),
         )
         teacher = self.teacher

@@ -41,6 +41,7 @@ from latentmotion.storage.files import atomic_file
 from latentmotion.training.denoiser_loss import StepBatch
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import Precision, TrainingSettings
+from latentmotion.training.takes import joined
 from latentmotion.training.task_conditions import ConditionTable
 
 # File of the trajectories in a distillation's run folder.
@@ -164,7 +165,7 @@ def cached_trajectories(
             for n in range(blocks)
         ]
         with atomic_file(path) as temporary:
-            save_file(_as_tensors({"": joined_trajectories(every)}), temporary)
+            save_file(_as_tensors({"": joined(every)}), temporary)
         for share in shares:
             share.unlink()
     context.wait()
@@ -180,39 +181,9 @@ def _as_tensors(parts: Mapping[str, Trajectories]) -> dict[str, torch.Tensor]:
     }
 
 
-def joined_trajectories(parts: Sequence[Trajectories]) -> Trajectories:
-    """Returns the trajectories of several blocks as one."""
-    longest = max(part.mask.shape[1] for part in parts)
-    points, masks = [], []
-    for part in parts:
-        missing = longest - part.mask.shape[1]
-        points.append(torch.nn.functional.pad(part.points, (0, 0, 0, missing)))
-        masks.append(torch.nn.functional.pad(part.mask, (0, missing)))
-    guidance, rows = (torch.cat([getattr(p, n) for p in parts]) for n in ("guidance", "rows"))
-    return Trajectories(torch.cat(points), torch.cat(masks), guidance, rows)
-
-
 def nothing(shape: tuple[int, ...]) -> np.ndarray:
     """Stands for noise where none is drawn."""
     raise AssertionError(f"this solver draws no noise, asked for {shape}")
-
-
-@dataclass(frozen=True)
-class Phases:
-    """Start and end of one step per item, in steps of the teacher's solver."""
-
-    counts: Int[torch.Tensor, " batch"]  # Number of equal steps from noise to latents.
-    first: Int[torch.Tensor, " batch"]  # Start of the step.
-    last: Int[torch.Tensor, " batch"]  # End of the step.
-
-
-def drawn_phases(few_step: FewStepConfig, size: torch.Tensor, position: torch.Tensor) -> Phases:
-    """Turns two numbers in [0, 1) per item into a step: its size, then its position."""
-    choices = torch.tensor(few_step.steps, device=size.device)
-    counts = choices[(size * len(choices)).long()]
-    length = few_step.solver_steps // counts
-    first = (position * counts).long() * length
-    return Phases(counts, first, first + length)
 
 
 @dataclass(frozen=True)
@@ -280,15 +251,20 @@ class TrajectorySteps:
         shard = among[ranks.shard(len(among))]
         captions = self._data.captions(shard, step, batch)
         chance = StepRandomness(seed, step, len(among), ranks, device)
-        phases = drawn_phases(self._few_step, chance.uniform(), chance.uniform())
+        # Of each item one of so many equal steps, from `start` to `end` in the solver's steps.
+        choices = torch.tensor(self._few_step.steps, device=device)
+        counts = choices[(chance.uniform() * len(choices)).long()]
+        length = self._few_step.solver_steps // counts
+        start = (chance.uniform() * counts).long() * length
+        end = start + length
         trajectories = self._data.trajectories.take(shard, among).to(device)
         row = torch.arange(len(shard), device=device)
-        first, last = (torch.searchsorted(self._stops, at) for at in (phases.first, phases.last))
+        first, last = (torch.searchsorted(self._stops, at) for at in (start, end))
         return StepBatch(
             start=trajectories.points[row, first],
             end=trajectories.points[row, last],
-            times=(self._times[phases.first], self._times[phases.last]),
+            times=(self._times[start], self._times[end]),
             condition=self._prompts(captions),
             mask=trajectories.mask,
-            step_condition=StepCondition(trajectories.guidance, 1 / phases.counts),
+            step_condition=StepCondition(trajectories.guidance, 1 / counts),
         )
