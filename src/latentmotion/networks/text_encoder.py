@@ -17,15 +17,15 @@ from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float, Int
-from torch import nn
+from torch import Tensor, nn
 from torch.nn import functional as F
 
 
 class Packed(nn.Module):
     """A layer with its matrix in 8 bits."""
 
-    packed: torch.Tensor
-    scale: torch.Tensor
+    packed: Tensor
+    scale: Tensor
 
     def __init__(self, layer: nn.Linear | nn.Embedding) -> None:
         super().__init__()
@@ -37,13 +37,13 @@ class Packed(nn.Module):
 class PackedLinear(Packed):
     """`nn.Linear` with its matrix in 8 bits."""
 
-    bias: torch.Tensor
+    bias: Tensor
 
     def __init__(self, linear: nn.Linear) -> None:
         super().__init__(linear)
         self.register_buffer("bias", linear.bias.detach().clone())
 
-    def forward(self, inputs: Float[torch.Tensor, "*batch width"]) -> torch.Tensor:
+    def forward(self, inputs: Float[Tensor, "*batch width"]) -> Tensor:
         """Returns the linear map of `inputs`."""
         return F.linear(inputs, self.packed.to(inputs.dtype) * self.scale, self.bias)
 
@@ -51,14 +51,14 @@ class PackedLinear(Packed):
 class PackedEmbedding(Packed):
     """`nn.Embedding` with its table in 8 bits."""
 
-    def forward(self, tokens: Int[torch.Tensor, "*batch"]) -> torch.Tensor:
+    def forward(self, tokens: Int[Tensor, "*batch"]) -> Tensor:
         """Returns one row of the table per token."""
         return self.packed[tokens].to(self.scale.dtype) * self.scale[tokens]
 
 
 def pack(
-    weight: Float[torch.Tensor, "rows ..."],
-) -> tuple[Int[torch.Tensor, "rows ..."], Float[torch.Tensor, "rows ..."]]:
+    weight: Float[Tensor, "rows ..."],
+) -> tuple[Int[Tensor, "rows ..."], Float[Tensor, "rows ..."]]:
     """Returns (integers, scales) of a matrix or a kernel; a row of zeros stays zeros."""
     # A scale per row: rows of embeddings differ by orders of magnitude; zero rows keep a positive
     # one.
@@ -110,10 +110,8 @@ class Layer(nn.Module):
         self.output_norm = nn.LayerNorm(width, eps=1e-12)
 
     def forward(
-        self,
-        states: Float[torch.Tensor, "batch words width"],
-        mask: Bool[torch.Tensor, "batch words"],
-    ) -> Float[torch.Tensor, "batch words width"]:
+        self, states: Float[Tensor, "batch words width"], mask: Bool[Tensor, "batch words"]
+    ) -> Float[Tensor, "batch words width"]:
         """Returns the states after one layer; masked pieces are never attended to."""
         batch, words, width = states.shape
         qkv = self.qkv(states).reshape(batch, words, 3, self.heads, width // self.heads)
@@ -138,8 +136,8 @@ class StudentNetwork(nn.Module):
         )
 
     def forward(
-        self, tokens: Int[torch.Tensor, "batch words"], mask: Bool[torch.Tensor, "batch words"]
-    ) -> tuple[Float[torch.Tensor, "batch width"], Float[torch.Tensor, "batch words width"]]:
+        self, tokens: Int[Tensor, "batch words"], mask: Bool[Tensor, "batch words"]
+    ) -> tuple[Float[Tensor, "batch width"], Float[Tensor, "batch words width"]]:
         """Returns the pooled embedding of unit length and the state of every piece."""
         numbers = torch.arange(tokens.shape[1], device=tokens.device)
         states = self.norm(self.pieces(tokens) + self.positions(numbers))
@@ -151,11 +149,8 @@ class StudentNetwork(nn.Module):
 
 
 def teacher_state(
-    teacher: Mapping[str, torch.Tensor],
-    pieces: Sequence[int],
-    layers: Sequence[int],
-    positions: int,
-) -> dict[str, torch.Tensor]:
+    teacher: Mapping[str, Tensor], pieces: Sequence[int], layers: Sequence[int], positions: int
+) -> dict[str, Tensor]:
     """Returns a student's first weights: chosen layers and pieces of a BERT teacher.
 
     Args:
@@ -178,9 +173,7 @@ def teacher_state(
     return {name: tensor.clone() for name, tensor in state.items()}
 
 
-def _layer_state(
-    teacher: Mapping[str, torch.Tensor], source: str, target: str
-) -> dict[str, torch.Tensor]:
+def _layer_state(teacher: Mapping[str, Tensor], source: str, target: str) -> dict[str, Tensor]:
     names = {
         "out": "attention.output.dense",
         "attention_norm": "attention.output.LayerNorm",

@@ -69,8 +69,8 @@ class MovementEncoder(nn.Module):
         self.out_net = nn.Linear(width, width)
 
     def forward(
-        self, features: Float[torch.Tensor, "batch frames features"]
-    ) -> Float[torch.Tensor, "batch movements width"]:
+        self, features: Float[Tensor, "batch frames features"]
+    ) -> Float[Tensor, "batch movements width"]:
         """Returns a movement for every four frames."""
         return self.out_net(self.main(features.transpose(1, 2)).transpose(1, 2))
 
@@ -91,10 +91,8 @@ class SequenceEncoder(nn.Module):
         )
 
     def forward(
-        self,
-        inputs: Float[torch.Tensor, "batch steps inputs"],
-        lengths: Int[torch.Tensor, " batch"],
-    ) -> Float[torch.Tensor, "batch width"]:
+        self, inputs: Float[Tensor, "batch steps inputs"], lengths: Int[Tensor, " batch"]
+    ) -> Float[Tensor, "batch width"]:
         """Returns one vector for the first `lengths` steps of each row."""
         packed = pack_padded_sequence(
             self.input_emb(inputs), lengths.cpu(), batch_first=True, enforce_sorted=False
@@ -112,10 +110,10 @@ class SentenceEncoder(SequenceEncoder):
 
     def read(
         self,
-        words: Float[torch.Tensor, "batch words word_width"],
-        parts: Int[torch.Tensor, "batch words"],
-        lengths: Int[torch.Tensor, " batch"],
-    ) -> Float[torch.Tensor, "batch width"]:
+        words: Float[Tensor, "batch words word_width"],
+        parts: Int[Tensor, "batch words"],
+        lengths: Int[Tensor, " batch"],
+    ) -> Float[Tensor, "batch width"]:
         """Returns one vector for each sentence."""
         classes = nn.functional.one_hot(parts, len(PARTS_OF_SPEECH)).to(words.dtype)
         return self(words + self.pos_emb(classes), lengths)
@@ -138,10 +136,8 @@ class TextMotionNetworks(nn.Module):
         self.text_encoder = SentenceEncoder(config.word_width, config.text_hidden, width)
 
     def motions(
-        self,
-        features: Float[torch.Tensor, "batch frames features"],
-        mask: Bool[torch.Tensor, "batch frames"],
-    ) -> Float[torch.Tensor, "batch width"]:
+        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
+    ) -> Float[Tensor, "batch width"]:
         """Returns the vectors of normalized motions.
 
         As in the authors' code the movement before the padding sees a little of it: pass motions
@@ -152,10 +148,10 @@ class TextMotionNetworks(nn.Module):
 
     def texts(
         self,
-        words: Float[torch.Tensor, "batch words word_width"],
-        parts: Int[torch.Tensor, "batch words"],
-        mask: Bool[torch.Tensor, "batch words"],
-    ) -> Float[torch.Tensor, "batch width"]:
+        words: Float[Tensor, "batch words word_width"],
+        parts: Int[Tensor, "batch words"],
+        mask: Bool[Tensor, "batch words"],
+    ) -> Float[Tensor, "batch width"]:
         """Returns the vectors of sentences."""
         return self.text_encoder.read(words, parts, mask.sum(1))
 
@@ -171,10 +167,8 @@ class InfoNCE:
     temperature: float = 10.0  # Squared distance that counts as one unit of evidence.
 
     def __call__(
-        self,
-        squared: Float[torch.Tensor, "batch batch"],
-        matches: Bool[torch.Tensor, "batch batch"],
-    ) -> Float[torch.Tensor, ""]:
+        self, squared: Float[Tensor, "batch batch"], matches: Bool[Tensor, "batch batch"]
+    ) -> Float[Tensor, ""]:
         """Returns the loss; `matches` is True if a sentence (row) describes a motion (column)."""
         diagonal = torch.eye(len(matches), dtype=torch.bool, device=matches.device)
         logits = (-squared / self.temperature).masked_fill(matches & ~diagonal, _NEVER)
@@ -189,10 +183,8 @@ class Margin:
     margin: float = 10.0  # Distance from which on other motions are far enough.
 
     def __call__(
-        self,
-        squared: Float[torch.Tensor, "batch batch"],
-        matches: Bool[torch.Tensor, "batch batch"],
-    ) -> Float[torch.Tensor, ""]:
+        self, squared: Float[Tensor, "batch batch"], matches: Bool[Tensor, "batch batch"]
+    ) -> Float[Tensor, ""]:
         """Returns the loss; `matches` is True if a sentence (row) describes a motion (column)."""
         near = squared.diagonal()
         # The square root has no slope at zero.
@@ -202,15 +194,15 @@ class Margin:
 
 
 def squared_distances(
-    sentences: Float[torch.Tensor, "sentences width"], motions: Float[torch.Tensor, "motions width"]
-) -> Float[torch.Tensor, "sentences motions"]:
+    sentences: Float[Tensor, "sentences width"], motions: Float[Tensor, "motions width"]
+) -> Float[Tensor, "sentences motions"]:
     """Returns the squared distance of each sentence to each motion."""
     return ((sentences[:, None] - motions[None]) ** 2).sum(-1)
 
 
 def top_hits(
-    squared: Float[torch.Tensor, "sentences motions"],
-    matches: Bool[torch.Tensor, "sentences motions"],
+    squared: Float[Tensor, "sentences motions"],
+    matches: Bool[Tensor, "sentences motions"],
     most: int = 3,
 ) -> list[float]:
     """Returns how often a motion that the sentence describes is among the nearest 1, 2, 3.
