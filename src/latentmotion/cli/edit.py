@@ -12,12 +12,7 @@ from latentmotion import formats
 from latentmotion.cleanup.pipeline import Changes
 from latentmotion.cli import options
 from latentmotion.cli.motions import print_changes
-from latentmotion.control.edit import (
-    ON_THE_WAY,
-    generate_between,
-    generate_edited,
-    generate_joined,
-)
+from latentmotion.control import edit
 from latentmotion.control.fit_keypoints import fit_motion
 from latentmotion.errors import InputError
 from latentmotion.formats.keypoints import ENDINGS, KeypointOptions, read_keypoints
@@ -97,7 +92,9 @@ class EditMotion(_Filling):
         pipeline = self._opened()
         motion = self._load(self.file, pipeline)[0]
         sampling = self.seed, self.steps, self.guidance
-        edited = generate_edited(pipeline, motion, self.prompt, self.between, *sampling, self.parts)
+        edited = edit.generate_edited(
+            pipeline, motion, self.prompt, self.between, *sampling, self.parts
+        )
         options.save(self.output, [edited])
 
 
@@ -112,7 +109,7 @@ class Between(_Filling):
     end: Annotated[Positional[Path], arg(metavar="END", help=_MOTION)]
     seconds: float = 1.0
     """How long the way from the last frame of the first to the first of the second takes."""
-    prompt: str = ON_THE_WAY
+    prompt: str = edit.ON_THE_WAY
     """What the person does on the way."""
     align: bool = False
     """Put the second motion where the first one leads, facing its way; by default only where it
@@ -128,7 +125,7 @@ class Between(_Filling):
         pipeline = self._opened()
         start, end = (self._load(file, pipeline)[0] for file in (self.start, self.end))
         sampling = self.seed, self.steps, self.guidance, self.align
-        joined = generate_between(pipeline, start, end, self.seconds, self.prompt, *sampling)
+        joined = edit.generate_between(pipeline, start, end, self.seconds, self.prompt, *sampling)
         options.save(self.output, [joined])
 
 
@@ -143,7 +140,7 @@ class Join(_Filling):
     """Motion files in their order; each motion in them is a part."""
     seconds: float = 0.6
     """How long each transition takes; 0 joins by cuts, without the model."""
-    prompt: str = ON_THE_WAY
+    prompt: str = edit.ON_THE_WAY
     """What the person does on the way."""
 
     def run(self) -> None:
@@ -161,12 +158,12 @@ class Join(_Filling):
         pipeline = self._opened()
         parts = [part for path in self.files for part in self._load(path, pipeline)]
         sampling = self.seed, self.steps, self.guidance
-        joined = generate_joined(pipeline, parts, self.seconds, self.prompt, *sampling)
+        joined = edit.generate_joined(pipeline, parts, self.seconds, self.prompt, *sampling)
         options.save(self.output, [joined])
 
 
 @dataclass(frozen=True)
-class Fit(_Directed):
+class FitKeypoints(_Directed):
     """Turn noisy or partial keypoints, 3D or 2D, into a clean motion.
 
     Example: latentmotion fit tracked.npz -o clean.bvh

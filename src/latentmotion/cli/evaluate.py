@@ -34,8 +34,6 @@ from latentmotion.training import checking
 
 if TYPE_CHECKING:
     from latentmotion.evaluation.candidates import Candidate
-    from latentmotion.evaluation.evaluate import Comparison
-    from latentmotion.evaluation.report import Report
 
 Joints = Float[np.ndarray, "_ 22 3"]
 
@@ -114,7 +112,19 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
             ModelError: The model has nothing to measure.
         """
         if self.prompts is not None or self.instructions or self.joints:
-            self._refuse_unused_by_instructions()
+            refuse = partial(options.refuse_unused, self)
+            if self.prompts is not None:
+                others = {field.name for field in fields(self)}
+                others -= {"instructions", "prompts", "takes"}
+                refuse("--prompts writes the list of prompts alone", *others)
+            refuse("instructions have prompts, lengths, seeds and checks of their own", *_METRICS)
+            if self.data is None:
+                refuse("without --data no captions are read", "split")
+            if self.joints:
+                names = ("clean", "device", "precision", "launch")
+                refuse("--joints measures motions that are there", *_SAMPLING, *names)
+            else:
+                refuse("without --joints no joint files are read", "fps")
             self.measure_instructions()
             return
         reason = "without --instructions, metrics are measured"
@@ -126,25 +136,12 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
             options.refuse_unused(self, "--prior decodes random latents", *_SAMPLING)
         self.measure_metrics(self.model, self.data)
 
-    def _refuse_unused_by_instructions(self) -> None:
-        """Refuses options that the instructions have no use for."""
-        refuse = partial(options.refuse_unused, self)
-        if self.prompts is not None:
-            others = {field.name for field in fields(self)} - {"instructions", "prompts", "takes"}
-            refuse("--prompts writes the list of prompts alone", *others)
-        refuse("instructions have prompts, lengths, seeds and checks of their own", *_METRICS)
-        if self.data is None:
-            refuse("without --data no captions are read", "split")
-        if self.joints:
-            names = ("clean", "device", "precision", "launch")
-            refuse("--joints measures motions that are there", *_SAMPLING, *names)
-        else:
-            refuse("without --joints no joint files are read", "fps")
-
     def measure_metrics(self, model: str, data: Path) -> None:
         """Prints the report of the metrics on a prepared data set, and writes it.
 
         Raises:
+            InputError: `--shard` without an output folder, or the scores beside it are of another
+                run.
             ModelError: The model has nothing to measure.
         """
         from latentmotion.evaluation import cost, evaluate, scores
@@ -161,10 +158,19 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
             dataset, evaluator = scores.with_smpl_joints(body, dataset, evaluator)
         candidates, protocol = self.candidates(folder), self.changed_protocol()
         comparison = evaluate.Comparison(tuple(candidates), dataset, evaluator, protocol)
-        report = self._measure_share(comparison, self.shard) if self.shard else comparison()
-        if report is None:
-            print(f"shard {self.shard} is finished, others are not")
-            return
+        if self.shard:
+            share, output = ShardSubset.parse(self.shard), self.output
+            if output is None:
+                problem = "--shard keeps scores beside the report; name its folder by --output"
+                raise InputError(problem)
+            beside = folder_at(output.with_name(f"{output.name}.replications"), create=True)
+            manifest = shards.make(comparison.work(), beside, share)
+            if manifest is None:
+                print(f"shard {self.shard} is finished, others are not")
+                return
+            report = comparison.report_of(beside, manifest)
+        else:
+            report = comparison()
         if self.cost:
             replication = comparison.test_set.replication(0)
             first = candidates[0]
@@ -181,19 +187,6 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
             figures = {**card.figures, "evaluation": card_figures(report)}
             replace(card, figures=to_json(figures)).write(folder)
             print(f"\nwrote the figures into {folder / 'model.json'}")
-
-    def _measure_share(self, comparison: Comparison, shard: str) -> Report | None:
-        """Measures the replications of a share; returns the report if all are finished.
-
-        Raises:
-            InputError: There is no output folder, or the scores beside it are of another run.
-        """
-        share, output = ShardSubset.parse(shard), self.output
-        if output is None:
-            raise InputError("--shard keeps scores beside the report; name its folder by --output")
-        folder = folder_at(output.with_name(f"{output.name}.replications"), create=True)
-        manifest = shards.make(comparison.work(), folder, share)
-        return manifest and comparison.report_of(folder, manifest)
 
     def changed_protocol(self) -> Protocol:
         """Returns the protocol that the options name, changed as they say."""

@@ -288,7 +288,15 @@ class Generate:
         if prior:
             return typed
         if typed:
-            self._warn_of_words(typed)
+            # The words of one sentence, typed without quotes.
+            words = self.file is None and len(typed) > 2 and not any(" " in word for word in typed)
+            if words and read_card(find_or_download(self.model)).condition.reads_text:
+                sentence = " ".join(typed)
+                print(
+                    f"warning: {len(typed)} motions, one for each word; for one motion put the "
+                    f'sentence in quotes: "{sentence}"',
+                    file=sys.stderr,
+                )
             return typed
         if directing.timeline:
             return [""]
@@ -319,17 +327,6 @@ class Generate:
         ):
             if applies:
                 options.refuse_unused(group, reason, *names)
-
-    def _warn_of_words(self, typed: list[str]) -> None:
-        """Warns where the words of one sentence seem to have become prompts of their own."""
-        words = self.file is None and len(typed) > 2 and not any(" " in word for word in typed)
-        if words and read_card(find_or_download(self.model)).condition.reads_text:
-            sentence = " ".join(typed)
-            print(
-                f"warning: {len(typed)} motions, one for each word; for one motion put the "
-                f'sentence in quotes: "{sentence}"',
-                file=sys.stderr,
-            )
 
     def _generated(
         self, prompts: list[str], scene: Scene | None, goals: list[Goal]

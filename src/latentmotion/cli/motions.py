@@ -98,7 +98,7 @@ def print_changes(changes: Changes, in_place: bool = False) -> None:
 
 
 @dataclass(frozen=True)
-class Retarget(options.MotionOptions):
+class RetargetMotions(options.MotionOptions):
     """Retarget motions to your own character: any skeleton in .glb, .gltf, .vrm, .fbx, .bvh.
 
     The joint names of Mixamo, Unreal, Unity, VRM, Rigify, Daz, Character Creator, Biped, Xsens,
@@ -137,7 +137,20 @@ class Retarget(options.MotionOptions):
             check_fps(self.output_fps)
         check_writable(self.output)
         if self.to.suffix.lower() in (".xml", ".urdf"):
-            self._to_robot(self.output)
+            robot = robots.read_robot(self.to)
+            robots.check_output(self.output)
+            print(f"{self.to}: {len(robot.hinges)} hinges: {', '.join(robot.hinges)}")
+            motions = [motion for file in self.files for motion in self.load(file)]
+            moving = [
+                robots.retarget(motion.resampled(self.output_fps or motion.fps), robot)
+                for motion in motions
+            ]
+            for path, clip in zip(robots.write(self.output, moving), moving, strict=True):
+                print(
+                    f"wrote {path}: {len(clip.angles)} frames at {clip.fps:g} per second, "
+                    f"{clip.violations} angles beyond their limits, "
+                    f"ankles {100 * clip.missed:.1f} cm off, fastest hinge {clip.fastest:.1f} rad/s"
+                )
             return
         rig = read_rig(self.to, stated=self.stated())
         transfer.check_output(rig, self.output)
@@ -158,22 +171,6 @@ class Retarget(options.MotionOptions):
         options.print_written(written)
         for motion, animation in zip(motions, moving, strict=True):
             print(_figures(rig, motion, animation))
-
-    def _to_robot(self, output: Path) -> None:
-        robot = robots.read_robot(self.to)
-        robots.check_output(output)
-        print(f"{self.to}: {len(robot.hinges)} hinges: {', '.join(robot.hinges)}")
-        motions = [motion for file in self.files for motion in self.load(file)]
-        moving = [
-            robots.retarget(motion.resampled(self.output_fps or motion.fps), robot)
-            for motion in motions
-        ]
-        for path, clip in zip(robots.write(output, moving), moving, strict=True):
-            print(
-                f"wrote {path}: {len(clip.angles)} frames at {clip.fps:g} per second, "
-                f"{clip.violations} angles beyond their limits, ankles {100 * clip.missed:.1f} cm "
-                f"off, fastest hinge {clip.fastest:.1f} rad/s"
-            )
 
 
 def _figures(rig: Rig, motion: Motion, animation: Animation) -> str:

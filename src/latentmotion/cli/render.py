@@ -42,7 +42,7 @@ _INPUT = f"Motion files: {' '.join(formats.READABLE)}. Each motion in them is a 
 
 
 @dataclass(frozen=True)
-class Render(options.MotionOptions):
+class RenderMotions(options.MotionOptions):
     """Draw motions as a video, a GIF, a picture strip or a page, with a figure of your choice.
 
     Examples:

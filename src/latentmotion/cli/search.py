@@ -13,15 +13,8 @@ from tyro.conf import Positional, arg
 from latentmotion import formats
 from latentmotion.cli import options
 from latentmotion.data.dataset import Dataset
+from latentmotion.ranking import search
 from latentmotion.ranking.scorer import Scorer
-from latentmotion.ranking.search import (
-    MotionIndex,
-    check_search,
-    index_name,
-    nearest_clips,
-    read_training_vectors,
-    training_vectors,
-)
 from latentmotion.storage.files import cache_folder, check_writable
 
 _FILES = " ".join(formats.READABLE)
@@ -60,12 +53,14 @@ class Search:
                 range.
             ModelError: The scorer cannot be loaded.
         """
-        check_search(self.sentence, self.count)
+        search.check_search(self.sentence, self.count)
         if self.index is not None:
             check_writable(self.index)
         scorer, caches = Scorer.load(self.scorer), cache_folder()
-        index_path = self.index or (caches and caches / "search" / index_name(self.folder, scorer))
-        index = MotionIndex.of(self.folder, scorer, index_path)
+        index_path = self.index or (
+            caches and caches / "search" / search.index_name(self.folder, scorer)
+        )
+        index = search.MotionIndex.of(self.folder, scorer, index_path)
         hits = index.search(self.sentence, self.count)
         for path, problem in index.problems.items():
             print(f"warning: left out: {problem or path}", file=sys.stderr)
@@ -109,13 +104,13 @@ class Nearest(options.MotionOptions):
         scorer = Scorer.load(self.scorer)
         motions = self.load(self.motion)
         if self.data is not None:
-            training = training_vectors(Dataset.load(self.data), scorer)
+            training = search.training_vectors(Dataset.load(self.data), scorer)
         else:
-            training = read_training_vectors(scorer)
+            training = search.read_training_vectors(scorer)
         rows = [
             {"motion": number, **row}
             for number, motion in enumerate(motions)
-            for row in nearest_clips(motion, scorer, training, self.count)
+            for row in search.nearest_clips(motion, scorer, training, self.count)
         ]
         if self.json:
             print(json.dumps({"file": str(self.motion), "nearest": rows}))

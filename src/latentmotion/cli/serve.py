@@ -20,14 +20,7 @@ from latentmotion.cli import options
 from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.service.settings import (
-    LOOPBACK,
-    Middleware,
-    ServiceOptions,
-    Settings,
-    check_bind,
-    read_tokens,
-)
+from latentmotion.service import settings as service
 
 ModelName = Annotated[str, arg(help="Name or folder of an exported model.")]
 
@@ -45,16 +38,16 @@ class _Listening:
     runtime: options.Runtime = "auto"
     """Engine of the networks; a model that was not exported cannot be served."""
 
-    def _settings(self, **others: Any) -> Settings:
+    def _settings(self, **others: Any) -> service.Settings:
         if self.runtime == "pytorch":
             raise InputError("--runtime pytorch cannot be served; export the model first")
-        hosts = self.hosts or (LOOPBACK if self.host in LOOPBACK else ())
+        hosts = self.hosts or (service.LOOPBACK if self.host in service.LOOPBACK else ())
         moves = tuple(path.resolve() for path in self.moves)
-        return Settings(runtime=self.runtime, moves=moves, hosts=hosts, **others)
+        return service.Settings(runtime=self.runtime, moves=moves, hosts=hosts, **others)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Serve(ServiceOptions, _Listening):
+class Serve(service.ServiceOptions, _Listening):
     """Serve motions over HTTP and WebSocket: a page at /, an interface for programs at /v1.
 
     Example: latentmotion serve --port 8700, then open http://localhost:8700
@@ -88,13 +81,15 @@ class Serve(ServiceOptions, _Listening):
             if not (math.isfinite(seconds) and 0 <= seconds <= 3600):
                 raise InputError(f"--{name} {seconds:g}: expected 0 to 3600 seconds")
         settings = self._settings(
-            **{option.name: getattr(self, option.name) for option in fields(ServiceOptions)},
+            **{
+                option.name: getattr(self, option.name) for option in fields(service.ServiceOptions)
+            },
             batch=self.batch_size,
-            tokens=read_tokens(self.token_file) if self.token_file else (),
+            tokens=service.read_tokens(self.token_file) if self.token_file else (),
             origins=self.allow_origin,
             middleware=tuple(map(_middleware_named, self.asgi_middleware)),
         )
-        check_bind(self.host, settings, self.insecure)
+        service.check_bind(self.host, settings, self.insecure)
         from latentmotion.service.app import create_app
         from latentmotion.service.server import address, bound, serve
 
@@ -104,7 +99,7 @@ class Serve(ServiceOptions, _Listening):
             serve(app, listener, self.notice, self.shutdown)
 
 
-def _middleware_named(name: str) -> Middleware:
+def _middleware_named(name: str) -> service.Middleware:
     """Imports ASGI middleware.
 
     Raises:

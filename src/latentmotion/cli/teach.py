@@ -18,14 +18,9 @@ from latentmotion.errors import InputError
 from latentmotion.model.card import DEFAULT, MOVES_FILE
 from latentmotion.motion import features_of
 from latentmotion.pipeline import MotionPipeline
+from latentmotion.retrieval import wordings
 from latentmotion.retrieval.index import ClipIndex, index_file, joined
 from latentmotion.retrieval.teach import ShownClip, build_index, shown_clips, thinned
-from latentmotion.retrieval.wordings import (
-    along_discriminants,
-    distinct,
-    read_wordings,
-    with_wordings,
-)
 from latentmotion.storage.files import check_writable
 
 _MOTION = f"Motion file: {' '.join(formats.READABLE)}."
@@ -88,7 +83,7 @@ class Teach:
             earlier = joined([index_file(self.output)], index.latent_space, index.text_encoder)
             index = earlier.joined(index)
         if self.compact:
-            index = distinct(along_discriminants(index))
+            index = wordings.distinct(wordings.along_discriminants(index))
         self.output.mkdir(exist_ok=True)
         index.write(target)
         print(f"wrote {target}: {len(index.clips)} clips, {len(index.captions)} sentences")
@@ -97,8 +92,22 @@ class Teach:
 
     def _of_clip(self, pipeline: MotionPipeline) -> ClipIndex:
         """Returns an index of the clips of a file."""
-        clips = [self._clip_of(pipeline, *item) for item in enumerate(formats.load(self.file))]
-        source = Source(self.credit or self.output.resolve().name, self.license, self.credit)
+        space, owner = pipeline.representation, self.credit or self.output.resolve().name
+        clips = []
+        for number, motion in enumerate(formats.load(self.file)):
+            features = features_of(motion, space)
+            if self.between:
+                start, end = (round(time * space.fps) for time in self.between)
+                if not 0 <= start < end <= len(features) + 1:
+                    raise InputError(
+                        f"--between {self.between[0]:g} {self.between[1]:g}: the clip lasts "
+                        f"{len(features) / space.fps:.1f} s"
+                    )
+                features = features[start:end]
+            name = self.file.stem + (f"-{number + 1}" if number else "")
+            captions = tuple(Caption(text.strip(), 0, len(features)) for text in self.sentences)
+            clips.append(ShownClip(name, owner, self.file.name, features, captions))
+        source = Source(owner, self.license, self.credit)
         encoders = pipeline.feature_encoder, pipeline.text_encoder
         return build_index(clips, [source], pipeline.card, *encoders).preferred()
 
@@ -111,21 +120,7 @@ class Teach:
         index = build_index(shown_clips(dataset), dataset.sources, pipeline.card, *encoders)
         index = thinned(index)
         if self.wordings:
-            index = with_wordings(index, read_wordings(self.wordings), condition.encoder)
+            index = wordings.with_wordings(
+                index, wordings.read_wordings(self.wordings), condition.encoder
+            )
         return index
-
-    def _clip_of(self, pipeline: MotionPipeline, number: int, motion: formats.Motion) -> ShownClip:
-        space = pipeline.representation
-        features = features_of(motion, space)
-        if self.between:
-            start, end = (round(time * space.fps) for time in self.between)
-            if not 0 <= start < end <= len(features) + 1:
-                raise InputError(
-                    f"--between {self.between[0]:g} {self.between[1]:g}: the clip lasts "
-                    f"{len(features) / space.fps:.1f} s"
-                )
-            features = features[start:end]
-        name = self.file.stem + (f"-{number + 1}" if number else "")
-        captions = tuple(Caption(text.strip(), 0, len(features)) for text in self.sentences)
-        owner = self.credit or self.output.resolve().name
-        return ShownClip(name, owner, self.file.name, features, captions)

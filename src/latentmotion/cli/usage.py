@@ -206,7 +206,11 @@ class Completion:
             if " ".join(groups) in VERBS:  # such as `convert evaluator`: tyro knows no such thing
                 continue
             branch = reduce(lambda inside, group: inside.setdefault(group, {}), groups, tree)
-            branch[last] = _command(last, verb.target)
+            module, _, cls = verb.target.partition(":")
+            try:
+                branch[last] = getattr(import_module(f"latentmotion.cli.{module}"), cls)
+            except (ModuleNotFoundError, MissingExtraError):  # completed by its name alone
+                branch[last] = make_dataclass(last.title(), [])
         printed = io.StringIO()
         with redirect_stdout(printed), suppress(SystemExit):
             tyro.cli(
@@ -215,15 +219,6 @@ class Completion:
         # Tyro's script prints a line for each word that fits; help of several lines became words.
         one_line = 'print(completion.replace("\\n", " "))'
         print(printed.getvalue().replace("print(completion)", one_line), end="")
-
-
-def _command(name: str, target: str) -> Any:
-    """Imports a command; one whose extra is not installed is completed by its name alone."""
-    module, _, cls = target.partition(":")
-    try:
-        return getattr(import_module(f"latentmotion.cli.{module}"), cls)
-    except (ModuleNotFoundError, MissingExtraError):
-        return make_dataclass(name.title(), [])
 
 
 def _union(tree: dict[str, Any]) -> Any:

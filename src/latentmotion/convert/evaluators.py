@@ -22,18 +22,8 @@ from torch import Tensor
 from latentmotion.convert.reading import read_content, tensors_of
 from latentmotion.data.sources.actor import ACTIONS
 from latentmotion.errors import FileFormatError, InputError, ModelError
-from latentmotion.evaluation.evaluators.action import (
-    ActionClassifier,
-    GraphNetworkConfig,
-    MotionGRUConfig,
-    save_action_classifier,
-)
+from latentmotion.evaluation.evaluators import action, text_motion
 from latentmotion.evaluation.evaluators.interface import EVALUATOR_FILE
-from latentmotion.evaluation.evaluators.text_motion import (
-    T2MEvaluator,
-    TextMotionCard,
-    save_text_motion,
-)
 from latentmotion.evaluation.evaluators.text_motion_network import TextMotionConfig
 from latentmotion.evaluation.evaluators.words import read_glove
 from latentmotion.model.card import Provenance
@@ -69,7 +59,7 @@ class EvaluatorFiles:
     glove: Path  # Folder with our_vab_data.npy, our_vab_words.pkl and our_vab_idx.pkl.
 
 
-def convert_evaluator(files: EvaluatorFiles, output: str | Path) -> TextMotionCard:
+def convert_evaluator(files: EvaluatorFiles, output: str | Path) -> text_motion.TextMotionCard:
     """Converts the authors' evaluator; writes the whole folder or nothing, returns its card.
 
     Raises:
@@ -88,7 +78,7 @@ def convert_evaluator(files: EvaluatorFiles, output: str | Path) -> TextMotionCa
             f"{files.glove} has vectors of {vectors.width} numbers, the evaluator reads "
             f"{config.word_width}"
         )
-    card = TextMotionCard(
+    card = text_motion.TextMotionCard(
         name=files.checkpoint.stem,
         representation=_KNOWN[config.features][0],
         networks=config,
@@ -103,7 +93,9 @@ def convert_evaluator(files: EvaluatorFiles, output: str | Path) -> TextMotionCa
     )
     mean, std = (read_statistic(files.statistics, name, features) for name in ("mean", "std"))
     normalizer = Normalizer(mean, std)
-    save_text_motion(output, T2MEvaluator(card, networks, normalizer, vectors))
+    text_motion.save_text_motion(
+        output, text_motion.T2MEvaluator(card, networks, normalizer, vectors)
+    )
     return card
 
 
@@ -198,7 +190,7 @@ def action_classifier_weights(content: Any) -> dict[str, Tensor] | None:
 
 def convert_action_classifier(
     weights: Mapping[str, Tensor], source: Path, folder: Path, labels: Sequence[str] | None = None
-) -> ActionClassifier:
+) -> action.ActionClassifier:
     """Writes the evaluator folder of an official action classifier; returns its description.
 
     Args:
@@ -220,20 +212,22 @@ def convert_action_classifier(
         labels = ACTIONS if is_humanact12 else [str(number) for number in range(count)]
     if len(labels) != count:
         raise InputError(f"{len(labels)} labels given, the classifier has {count}; give them all")
-    description = ActionClassifier(
+    description = action.ActionClassifier(
         labels=tuple(labels),
         representation="smpl",
         network=network,
         origin=f"{source.name}, SHA-256 {sha256(source)}",
-        license="MIT, (c) Chuan Guo" if isinstance(network, MotionGRUConfig) else "see ACTOR",
+        license="MIT, (c) Chuan Guo"
+        if isinstance(network, action.MotionGRUConfig)
+        else "see ACTOR",
     )
-    save_action_classifier(folder, description, weights)
+    action.save_action_classifier(folder, description, weights)
     return description
 
 
 def action_classifier_config(
     weights: Mapping[str, Tensor], source: Path
-) -> MotionGRUConfig | GraphNetworkConfig:
+) -> action.MotionGRUConfig | action.GraphNetworkConfig:
     """Returns the sizes of a classifier from the shapes of its weights.
 
     Raises:
@@ -242,9 +236,9 @@ def action_classifier_config(
     try:
         if GRU_WEIGHT not in weights:
             labels, channels = len(weights["fcn.weight"]), weights[GRAPH_WEIGHT].shape[1]
-            return GraphNetworkConfig(labels=labels, channels=channels)
+            return action.GraphNetworkConfig(labels=labels, channels=channels)
         labels, width = weights["linear2.weight"].shape
-        return MotionGRUConfig(
+        return action.MotionGRUConfig(
             joints=weights[GRU_WEIGHT].shape[1] // 3,
             labels=labels,
             hidden=weights["recurrent.weight_hh_l0"].shape[1],

@@ -13,15 +13,7 @@ from pathlib import Path
 import torch
 
 from latentmotion.condition import TextConditioning, TextTask
-from latentmotion.convert.mld import (
-    Origin,
-    Unstated,
-    Weights,
-    loaded,
-    model_card,
-    shape,
-    transformer,
-)
+from latentmotion.convert import mld
 from latentmotion.diffusion.parametrization import Sample
 from latentmotion.diffusion.schedule import Cosine
 from latentmotion.errors import InputError, ModelError
@@ -40,12 +32,12 @@ OTHERS = ("clip_model", "rot2xyz")
 _STACK = "seqTransEncoder."
 
 
-def is_mdm(weights: Weights) -> bool:
+def is_mdm(weights: mld.Weights) -> bool:
     """Returns whether a file's weights are MDM's, by their names."""
     return "input_process.poseEmbedding.weight" in weights
 
 
-def latent_model(weights: Weights, path: Path, origin: Origin) -> checkpoint.LatentModel:
+def latent_model(weights: mld.Weights, path: Path, origin: mld.Origin) -> checkpoint.LatentModel:
     """Returns the model of MDM's weights.
 
     Args:
@@ -58,8 +50,8 @@ def latent_model(weights: Weights, path: Path, origin: Origin) -> checkpoint.Lat
             missing or of another shape.
         InputError: The normalizer is missing or does not fit, or a setting is not MDM's.
     """
-    unstated = replace(Unstated(), heads=origin.unstated.heads, dropout=origin.unstated.dropout)
-    if origin.unstated != unstated or origin.predicts != Origin().predicts:
+    unstated = replace(mld.Unstated(), heads=origin.unstated.heads, dropout=origin.unstated.dropout)
+    if origin.unstated != unstated or origin.predicts != mld.Origin().predicts:
         raise InputError(
             f"{path} is MDM's, which predicts the sample by one kind of layers; leave --predicts, "
             "--activation, --norm and --text-activation out"
@@ -76,10 +68,10 @@ def latent_model(weights: Weights, path: Path, origin: Origin) -> checkpoint.Lat
     # MDM's sinusoid of the time alternates sine and cosine; here all cosines come first.
     first = "embed_timestep.time_embed.0.weight"
     used[first] = torch.cat([used[first][:, 1::2], used[first][:, ::2]], dim=1)
-    network = loaded(lambda: build(config), used, ("mdm",), f"{path}, MDM")
+    network = mld.loaded(lambda: build(config), used, ("mdm",), f"{path}, MDM")
     vae = IdentityVAEConfig(config.latent_width)
     origin = replace(origin, text_encoder=origin.text_encoder or _TEXT_ENCODER)
-    card = model_card(path, vae, config, origin)
+    card = mld.model_card(path, vae, config, origin)
     sentences = isinstance(card.condition, TextTask)
     if sentences:
         conditioning = TextConditioning(null="zeros")
@@ -96,16 +88,16 @@ def latent_model(weights: Weights, path: Path, origin: Origin) -> checkpoint.Lat
     return checkpoint.LatentModel(card, build(vae), network)
 
 
-def _config(weights: Weights, origin: Origin) -> DenoiserConfig:
-    width, features = shape(weights, "input_process.poseEmbedding.weight")
+def _config(weights: mld.Weights, origin: mld.Origin) -> DenoiserConfig:
+    width, features = mld.shape(weights, "input_process.poseEmbedding.weight")
     if "embed_text.weight" in weights:
-        words = shape(weights, "embed_text.weight")[1]
+        words = mld.shape(weights, "embed_text.weight")[1]
     else:
-        words = shape(weights, "embed_action.action_embedding")[0]
+        words = mld.shape(weights, "embed_action.action_embedding")[0]
     return DenoiserConfig(
         latent_width=features,
         condition_width=words,
-        transformer=transformer(weights, _STACK, origin.unstated),
+        transformer=mld.transformer(weights, _STACK, origin.unstated),
         condition_projection="linear" if "embed_text.weight" in weights else "table",
         words="added_to_time",
         positions="context_first",

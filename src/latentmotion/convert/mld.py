@@ -23,15 +23,8 @@ from latentmotion.data.sources.actor import ACTIONS
 from latentmotion.diffusion.parametrization import Epsilon, Sample
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.errors import InputError, ModelError
+from latentmotion.model import config as configs
 from latentmotion.model.card import ModelCard, Provenance
-from latentmotion.model.config import (
-    DenoiserConfig,
-    IdentityVAEConfig,
-    PositionKind,
-    Sampling,
-    TransformerConfig,
-    TransformerVAEConfig,
-)
 from latentmotion.networks import checkpoint
 from latentmotion.networks.checkpoint import build
 from latentmotion.networks.denoiser import DenoiserNetwork
@@ -102,7 +95,7 @@ def latent_model(
     if parts["vae"] or config is None:
         vae, first_stage = load_vae(parts["vae"], origin.unstated, path)
     else:  # the diffusion is on raw frames, as wide as the denoiser's latents
-        first_stage = IdentityVAEConfig(config.latent_width)
+        first_stage = configs.IdentityVAEConfig(config.latent_width)
         vae = build(first_stage)
     card = model_card(path, first_stage, config, origin)
     if denoiser is None:
@@ -112,7 +105,7 @@ def latent_model(
 
 def load_vae(
     weights: Weights, unstated: Unstated, path: str | Path
-) -> tuple[MotionVAE, TransformerVAEConfig]:
+) -> tuple[MotionVAE, configs.TransformerVAEConfig]:
     """Builds the network of an `MldVae` or `ActorVae` and loads its weights.
 
     Args:
@@ -130,7 +123,7 @@ def load_vae(
 
 def load_denoiser(
     weights: Weights, unstated: Unstated, path: str | Path
-) -> tuple[DenoiserNetwork, DenoiserConfig]:
+) -> tuple[DenoiserNetwork, configs.DenoiserConfig]:
     """Builds the network of an `MldDenoiser` and loads its weights.
 
     Args:
@@ -174,8 +167,8 @@ def loaded(
 
 def model_card(
     path: Path,
-    vae: TransformerVAEConfig | IdentityVAEConfig,
-    denoiser: DenoiserConfig | None,
+    vae: configs.TransformerVAEConfig | configs.IdentityVAEConfig,
+    denoiser: configs.DenoiserConfig | None,
     origin: Origin,
 ) -> ModelCard:
     """Returns the card of a converted model.
@@ -204,7 +197,7 @@ def model_card(
         denoiser=denoiser,
         condition=condition,
         # The authors' configuration: 50 steps on latents, all 1,000 on raw frames.
-        sampling=Sampling(50, 7.5, "ddim") if encoded else Sampling(1000, 7.5, "ddpm"),
+        sampling=configs.Sampling(*((50, 7.5, "ddim") if encoded else (1000, 7.5, "ddpm"))),
         frames=_FRAMES[condition.name],
         provenance=Provenance(
             data_hashes={path.name: sha256(path)},
@@ -215,10 +208,10 @@ def model_card(
     )
 
 
-def vae_config(weights: Weights, unstated: Unstated) -> TransformerVAEConfig:
+def vae_config(weights: Weights, unstated: Unstated) -> configs.TransformerVAEConfig:
     """Returns the configuration of an `MldVae` or `ActorVae` from its weights without `vae.`."""
     if is_actor(weights):
-        return TransformerVAEConfig(
+        return configs.TransformerVAEConfig(
             features=shape(weights, "decoder.final_layer.weight")[0],
             tokens=1,
             transformer=transformer(weights, "encoder.seqTransEncoder.", unstated),
@@ -227,7 +220,7 @@ def vae_config(weights: Weights, unstated: Unstated) -> TransformerVAEConfig:
     tokens, _ = shape(weights, "global_motion_token")
     linear = "dist_layer.weight" in weights
     joint = "decoder.middle_block.multihead_attn.out_proj.weight" not in weights
-    return TransformerVAEConfig(
+    return configs.TransformerVAEConfig(
         features=shape(weights, "final_layer.weight")[0],
         tokens=tokens if linear else tokens // 2,
         transformer=transformer(weights, "encoder.", unstated),
@@ -248,7 +241,7 @@ def is_motionlcm(weights: Weights) -> bool:
     return "latent_pre.weight" in weights
 
 
-def denoiser_config(weights: Weights, unstated: Unstated) -> DenoiserConfig:
+def denoiser_config(weights: Weights, unstated: Unstated) -> configs.DenoiserConfig:
     """Returns the configuration of an `MldDenoiser` from its weights without `denoiser.`.
 
     Raises:
@@ -267,7 +260,7 @@ def denoiser_config(weights: Weights, unstated: Unstated) -> DenoiserConfig:
     in_context = "context_first" if frames else "latents_first"
     projections = [n for n in ("pose_embd.weight", "latent_pre.weight") if n in weights]
     projection, condition_width = _condition_projection(weights, stack.width, unstated)
-    return DenoiserConfig(
+    return configs.DenoiserConfig(
         latent_width=shape(weights, projections[0])[1] if projections else stack.width,
         condition_width=condition_width,
         transformer=stack,
@@ -281,7 +274,7 @@ def denoiser_config(weights: Weights, unstated: Unstated) -> DenoiserConfig:
     )
 
 
-def _condition(denoiser: DenoiserConfig | None, origin: Origin) -> TextTask | ActionTask:
+def _condition(denoiser: configs.DenoiserConfig | None, origin: Origin) -> TextTask | ActionTask:
     if denoiser is None:
         return TextTask()
     if denoiser.condition_projection == "table":
@@ -322,12 +315,12 @@ def _condition_projection(
     return "none", width
 
 
-def transformer(weights: Weights, stack: str, unstated: Unstated) -> TransformerConfig:
+def transformer(weights: Weights, stack: str, unstated: Unstated) -> configs.TransformerConfig:
     """Returns the configuration of the layers whose names begin with `stack`."""
     skips = f"{stack}middle_block.linear1.weight" in weights
     one_layer = "middle_block" if skips else "layers.0"
     hidden, width = shape(weights, f"{stack}{one_layer}.linear1.weight")
-    return TransformerConfig(
+    return configs.TransformerConfig(
         width=width,
         layers=_count(weights, f"{stack}input_blocks.") * 2 + 1
         if skips
@@ -347,7 +340,7 @@ def _count(weights: Weights, prefix: str) -> int:
     return len({match.group(1) for match in matches if match})
 
 
-def _position(weights: Weights, name: str) -> PositionKind:
+def _position(weights: Weights, name: str) -> configs.PositionKind:
     return "learned" if shape(weights, name)[0] <= LEARNED_LENGTH else "sine"
 
 

@@ -36,21 +36,7 @@ from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.session import PULLBACK_FILE, fused_sampler_file, open_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export import onnx as graphs
-from latentmotion.export.onnx import (
-    FunctionModule,
-    Weights,
-    quantize,
-    share_weights,
-    trace,
-)
 from latentmotion.model import card as cards
-from latentmotion.model.card import (
-    RIGHTS_IN_MOTIONS,
-    TEXT_GRAPH_FILE,
-    TOKENIZER_FILE,
-    GraphPrecision,
-    ModelCard,
-)
 from latentmotion.networks import checkpoint
 from latentmotion.networks.checkpoint import FirstStageModel
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
@@ -62,7 +48,7 @@ from latentmotion.storage.provenance import PIPELINE, front_matter, license_fiel
 from latentmotion.text.encoder import load_text_encoder
 
 # Largest difference allowed between the outputs of a graph and of its network.
-TOLERANCE: dict[GraphPrecision, float] = {"float32": 1e-4, "int8": 0.1}
+TOLERANCE: dict[cards.GraphPrecision, float] = {"float32": 1e-4, "int8": 0.1}
 
 MOST_FUSED = 4  # Maximum number of steps of a fused sampler: each step adds to its size.
 
@@ -71,11 +57,11 @@ WriteTextEncoder = Callable[[Path], None]  # Writes the files of a text encoder 
 
 def package_model(
     source: Path,
-    card: ModelCard,
+    card: cards.ModelCard,
     text_encoder: WriteTextEncoder | None,
     output: Path,
     share_encoder: bool = False,
-    weights: Weights = "float16",
+    weights: graphs.Weights = "float16",
 ) -> None:
     """Writes a folder from which `MotionPipeline.from_pretrained` generates.
 
@@ -183,13 +169,13 @@ def _write_graphs(model: checkpoint.LatentModel, folder: Path, with_encoder: boo
         write()
     for graph in counted(sorted(folder.glob("*.onnx")), "sharing weights"):
         if card.precision == "int8" and graph.name != PULLBACK_FILE:  # derivatives stay exact
-            quantize(graph)
+            graphs.quantize(graph)
         if graph.name != cards.TEXT_GRAPH_FILE:  # whose weights are its own
-            share_weights(graph, folder / checkpoint.WEIGHTS_FILE)
+            graphs.share_weights(graph, folder / checkpoint.WEIGHTS_FILE)
     _check_graphs(model, folder)
 
 
-def _fused_steps(card: ModelCard) -> list[int]:
+def _fused_steps(card: cards.ModelCard) -> list[int]:
     """Returns the numbers of steps that get a fused sampler."""
     return [steps for steps in card.few_step.steps if steps <= MOST_FUSED] if card.few_step else []
 
@@ -303,17 +289,17 @@ def check_latents(model: FirstStageModel, other: FirstStageModel) -> None:
             )
 
 
-def scale_of(card: ModelCard) -> tuple[str, tuple[float, ...], tuple[float, ...]]:
+def scale_of(card: cards.ModelCard) -> tuple[str, tuple[float, ...], tuple[float, ...]]:
     """Returns the representation of a model and the scale of its features."""
     return card.representation, card.normalizer_mean, card.normalizer_std
 
 
-def other_figures(card: ModelCard) -> dict[str, Any]:
+def other_figures(card: cards.ModelCard) -> dict[str, Any]:
     """Returns the figures of a model that hold with any decoder."""
     return {k: value for k, value in card.figures.items() if k.startswith(_OF_DENOISER)}
 
 
-def decoder_figures(card: ModelCard) -> dict[str, Any]:
+def decoder_figures(card: cards.ModelCard) -> dict[str, Any]:
     """Returns the figures of a model's decoder."""
     return {k: value for k, value in card.figures.items() if k.startswith(_OF_DECODER)}
 
@@ -345,16 +331,16 @@ def export_student(
     shape = {key: str(value) for key, value in vars(network.shape).items()}
     with atomic_file(folder / WEIGHTS_FILE) as temporary:
         save_file(state, temporary, metadata=shape)
-    with atomic_file(folder / TOKENIZER_FILE) as temporary:
+    with atomic_file(folder / cards.TOKENIZER_FILE) as temporary:
         tokenizer.save(str(temporary), pretty=False)
-    write_graph(small, card, folder / TEXT_GRAPH_FILE)
+    write_graph(small, card, folder / cards.TEXT_GRAPH_FILE)
     return small
 
 
 def write_graph(network: nn.Module, card: dict[str, str], path: Path) -> None:
     """Writes a network's graph, tokens, mask → pooled, words, with a card as its metadata."""
     tokens, mask = torch.zeros(2, 7, dtype=torch.long), torch.ones(2, 7, dtype=torch.bool)
-    trace(network, {"tokens": tokens, "mask": mask}, path, ("pooled", "words"), card)
+    graphs.trace(network, {"tokens": tokens, "mask": mask}, path, ("pooled", "words"), card)
 
 
 def export_pretrained(encoder: PretrainedTextEncoder, folder: Path) -> None:
@@ -375,15 +361,15 @@ def export_pretrained(encoder: PretrainedTextEncoder, folder: Path) -> None:
             pad_token=encoder.tokenizer.pad_token,
             length=encoder.kind.longest,
         )
-    with atomic_file(folder / TOKENIZER_FILE) as temporary:
+    with atomic_file(folder / cards.TOKENIZER_FILE) as temporary:
         tokenizer.save(str(temporary), pretty=False)
 
     def read(tokens: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
         reading = encoder.kind.read(encoder.model, tokens, mask)
         return reading.pooled, reading.words
 
-    network = FunctionModule(read, network=encoder.model)
-    write_graph(network, {"name": encoder.name}, folder / TEXT_GRAPH_FILE)
+    network = graphs.FunctionModule(read, network=encoder.model)
+    write_graph(network, {"name": encoder.name}, folder / cards.TEXT_GRAPH_FILE)
 
 
 _INPUTS = {
@@ -393,9 +379,24 @@ _INPUTS = {
 }
 
 
-def readme(card: ModelCard) -> str:
+def readme(card: cards.ModelCard) -> str:
     """Returns the page, with the YAML that the hub reads at its head."""
     provenance, text = card.provenance, card.task == "text"
+    # The hub's table of results; none for a model without figures.
+    evaluation = card.figures.get("evaluation", {})
+    data = str(evaluation.get("data", ""))
+    metrics = [
+        {"type": name.rpartition(".")[2], "name": name, "value": value}
+        for name, value in numbers(card.figures)
+    ]
+    result = {
+        "task": {"type": PIPELINE, "name": "Motion generation"},
+        "dataset": {
+            "type": data.partition(" ")[0] or "motion-capture",
+            "name": data or "the validation split of its training data",
+        },
+        "metrics": metrics,
+    }
     head = {
         **license_fields([provenance.license]),
         "library_name": "latentmotion",
@@ -403,7 +404,7 @@ def readme(card: ModelCard) -> str:
         "language": ["en"] if text else None,
         "tags": ["latentmotion", "text-to-motion" if text else "motion-generation", "motion"],
         "datasets": [line.partition(":")[0] for line in provenance.data],
-        "model-index": _index(card),
+        "model-index": ([{"name": card.name, "results": [result]}] if metrics else []),
     }
     shortest, longest = card.frames
     prompt = '"a person walks"' if text else '"LABEL"' if card.task == "action" else "None"
@@ -426,27 +427,8 @@ def readme(card: ModelCard) -> str:
         prompt=prompt,
         training="\n".join(training),
         figures="\n".join(figures),
-        rights=RIGHTS_IN_MOTIONS,
+        rights=cards.RIGHTS_IN_MOTIONS,
     )
-
-
-def _index(card: ModelCard) -> list[dict[str, Any]]:
-    """Returns the hub's table of results; none for a model without figures."""
-    evaluation = card.figures.get("evaluation", {})
-    data = str(evaluation.get("data", ""))
-    metrics = [
-        {"type": name.rpartition(".")[2], "name": name, "value": value}
-        for name, value in numbers(card.figures)
-    ]
-    result = {
-        "task": {"type": PIPELINE, "name": "Motion generation"},
-        "dataset": {
-            "type": data.partition(" ")[0] or "motion-capture",
-            "name": data or "the validation split of its training data",
-        },
-        "metrics": metrics,
-    }
-    return [{"name": card.name, "results": [result]}] if metrics else []
 
 
 def numbers(figures: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, float]]:

@@ -162,8 +162,8 @@ def _traced_reading(conditioning: TextConditioning, text: ModelProto, folder: Pa
     free = {"pooled": (), "words": (1,), "mask": (1,)}
 
     def reading(pooled: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-        seen = conditioning(TextEmbedding(pooled, words, mask))
-        return seen.tokens, seen.mask
+        condition = conditioning(TextEmbedding(pooled, words, mask))
+        return condition.tokens, condition.mask
 
     names = ("seen", "seen_mask")
     trace(FunctionModule(reading), example, folder / "r.onnx", names, free=free)

@@ -17,16 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, ReadingWarning
-from latentmotion.formats import EngineName, numbered
-from latentmotion.formats.checks import (
-    check_filled,
-    checked_animation,
-    checked_rate,
-    numbers,
-    read_lines,
-    table,
-    whole_rate,
-)
+from latentmotion.formats import EngineName, checks, numbered
 from latentmotion.kinematics.rotations import euler_from_matrix, matrix_from_euler
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.kinematics.standing import meters_per_unit
@@ -161,23 +152,22 @@ class _BvhReader:
                 self._check(node.offset is not None, f"{node.name} has no 'OFFSET'")
                 self._open.pop()
             case "OFFSET":
-                self.nodes[self._current()].offset = numbers(self.path, line, values, 3)
+                self.nodes[self._current()].offset = checks.numbers(self.path, line, values, 3)
             case "CHANNELS":
-                self._read_channels(values)
+                count, names = (values[0] if values else "none"), values[1:]
+                problem = f"'CHANNELS' says {count}, but {len(names)} names follow"
+                self._check(count == str(len(names)), problem)
+                matches = [match for name in names if (match := _CHANNEL.fullmatch(name))]
+                problem = (
+                    f"found the channels {names}, expected names like 'Xposition' and 'Zrotation'"
+                )
+                self._check(len(matches) == len(names), problem)
+                node = self.nodes[self._current()]
+                node.channels = [(match[1].upper(), match[2].lower()) for match in matches]
             case "MOTION":
                 self._check(bool(self.nodes), "found 'MOTION' before any 'ROOT'")
                 self._check(not self._open, "found 'MOTION' before the last '}'")
                 self.ended = True
-
-    def _read_channels(self, words: list[str]) -> None:
-        count, names = (words[0] if words else "none"), words[1:]
-        problem = f"'CHANNELS' says {count}, but {len(names)} names follow"
-        self._check(count == str(len(names)), problem)
-        matches = [match for name in names if (match := _CHANNEL.fullmatch(name))]
-        problem = f"found the channels {names}, expected names like 'Xposition' and 'Zrotation'"
-        self._check(len(matches) == len(names), problem)
-        node = self.nodes[self._current()]
-        node.channels = [(match[1].upper(), match[2].lower()) for match in matches]
 
     def _add(self, node: BvhNode) -> None:
         self._check(len(self.nodes) < MOST_JOINTS, f"more than {MOST_JOINTS:,} joints")
@@ -233,11 +223,11 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
         InputError: The unit is unknown.
     """
     scale = meters_per_unit(unit)
-    lines = read_lines(path)
+    lines = checks.read_lines(path)
     nodes, start = read_hierarchy(Path(path), lines)
     count, fps, body = _read_timing(Path(path), lines, start)
     columns = [(joint, *channel) for joint, node in enumerate(nodes) for channel in node.channels]
-    values = table(path, lines, body, len(columns))
+    values = checks.table(path, lines, body, len(columns))
     if abs(len(values) - count) > 1:
         problem = f"found {len(values)} frames, expected {count} as 'Frames:' says"
         raise FileFormatError(path, problem, len(lines))
@@ -245,7 +235,7 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
         problem = f"found {len(values)} frames, of which 'Frames:' says {count}; all are read"
         warnings.warn(f"{path}: {problem}", ReadingWarning, stacklevel=2)
         count = len(values)
-    check_filled(path, count, len(nodes), values.size)
+    checks.check_filled(path, count, len(nodes), values.size)
     offsets = scale * np.array([node.offset for node in nodes])
     translations = np.repeat(offsets[None], count, axis=0)
     rotation_columns: dict[int, list[int]] = {}
@@ -271,7 +261,7 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
     moves = any(kind == "position" for node in nodes[1:] for _, kind in node.channels)
     root = translations[:, 0].copy()
     animation = Animation(skeleton, rotations, root, fps, translations if moves else None)
-    return checked_animation(path, animation)
+    return checks.checked_animation(path, animation)
 
 
 def write_bvh(path: str | Path, animation: Animation, layout: BvhLayout = OURS) -> None:
@@ -330,11 +320,11 @@ def _read_timing(path: Path, lines: Sequence[str], start: int) -> tuple[int, flo
         raise FileFormatError(path, f"found {first[:40]!r}, expected 'Frames: <count>'", at + 1)
     if time is None:
         raise FileFormatError(path, f"found {second[:40]!r}, expected 'Frame Time: <s>'", then + 1)
-    seconds = float(numbers(path, then + 1, [time[1]], 1)[0])
+    seconds = float(checks.numbers(path, then + 1, [time[1]], 1)[0])
     if seconds <= 0:
         raise FileFormatError(path, f"a frame time of {seconds} s; expected more", then + 1)
-    fps = checked_rate(path, 1 / max(seconds, 1e-300), then + 1)
-    return int(frames[1]), whole_rate(fps), then + 1
+    fps = checks.checked_rate(path, 1 / max(seconds, 1e-300), then + 1)
+    return int(frames[1]), checks.whole_rate(fps), then + 1
 
 
 def _depth_first(skeleton: Skeleton, joint: int = 0) -> list[int]:

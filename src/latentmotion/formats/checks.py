@@ -11,14 +11,7 @@ from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
 from latentmotion.kinematics.skeleton import Animation
-from latentmotion.storage.limits import (
-    FARTHEST,
-    FILLED_FACTOR,
-    LEAST_FPS,
-    MOST_FILLED,
-    MOST_FPS,
-    MOST_NUMBER,
-)
+from latentmotion.storage import limits
 from latentmotion.storage.reading import read_text
 
 
@@ -28,8 +21,10 @@ def checked_rate(path: str | Path, fps: float, line: int | None = None) -> float
     Raises:
         FileFormatError: It is no number, or out of range.
     """
-    if not LEAST_FPS <= fps <= MOST_FPS:
-        problem = f"{fps:g} frames per second, expected {LEAST_FPS:g} to {MOST_FPS:,.0f}"
+    if not limits.LEAST_FPS <= fps <= limits.MOST_FPS:
+        problem = (
+            f"{fps:g} frames per second, expected {limits.LEAST_FPS:g} to {limits.MOST_FPS:,.0f}"
+        )
         raise FileFormatError(path, problem, line)
     return float(fps)
 
@@ -46,7 +41,7 @@ def check_filled(path: str | Path, frames: int, joints: int, stated: int) -> Non
     Raises:
         FileFormatError: It is far more than the file states.
     """
-    most = max(MOST_FILLED, FILLED_FACTOR * stated)
+    most = max(limits.MOST_FILLED, limits.FILLED_FACTOR * stated)
     if frames * joints > most:
         problem = f"{frames:,} frames of {joints:,} joints, of which it states {stated:,} numbers"
         raise FileFormatError(
@@ -61,9 +56,9 @@ def checked_animation(path: str | Path, animation: Animation) -> Animation:
         FileFormatError: They are not.
     """
     far = (animation.skeleton.offsets, animation.root_positions, animation.translations)
-    near = all(part is None or (np.abs(part) <= FARTHEST).all() for part in far)
+    near = all(part is None or (np.abs(part) <= limits.FARTHEST).all() for part in far)
     if not (near and np.isfinite(animation.rotations).all()):
-        problem = f"holds numbers that are not finite, or places beyond {FARTHEST:,.0f} m"
+        problem = f"holds numbers that are not finite, or places beyond {limits.FARTHEST:,.0f} m"
         raise FileFormatError(path, f"{problem}; repair it, or check its unit of length")
     return animation
 
@@ -101,8 +96,8 @@ def numbers(
     for number, word in enumerate(words):
         with suppress(ValueError):
             values[number] = float(word)
-        if not abs(values[number]) <= MOST_NUMBER:
-            problem = f"found {word[:40]!r}, expected a finite number up to {MOST_NUMBER:g}"
+        if not abs(values[number]) <= limits.MOST_NUMBER:
+            problem = f"found {word[:40]!r}, expected a finite number up to {limits.MOST_NUMBER:g}"
             raise FileFormatError(path, problem, line)
     return values
 
@@ -131,7 +126,7 @@ def table(
         values = np.array(rows, dtype=np.float64).reshape(len(rows), width)
     except ValueError:
         values = np.full((1, width), np.nan)
-    if (np.abs(values) <= MOST_NUMBER).all():
+    if (np.abs(values) <= limits.MOST_NUMBER).all():
         return values
     # Something is wrong: read line by line to find it.
     filled = [

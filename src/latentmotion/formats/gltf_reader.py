@@ -21,15 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
-from latentmotion.formats.bones import (
-    Frame,
-    WorldPose,
-    even_rate,
-    matrix_of,
-    placed,
-    plain_animation,
-    plain_skeleton,
-)
+from latentmotion.formats import bones as bone_poses
 from latentmotion.formats.checks import check_filled, checked_animation
 from latentmotion.formats.gltf_document import Document
 from latentmotion.formats.takes import SkeletonTake
@@ -162,7 +154,7 @@ class GltfScene:
         self.at_rest = self._bound(document) or self.transforms
         self.rest = self._world(self.at_rest)
         names = [str(self.nodes[bone].get("name") or f"node_{bone}") for bone in self.bones]
-        self.skeleton = plain_skeleton(path.stem, names, self.bone_parents, self.rest)
+        self.skeleton = bone_poses.plain_skeleton(path.stem, names, self.bone_parents, self.rest)
 
     def declared(self) -> dict[str, int]:
         """Returns the bones that VRM's extension names, by these names."""
@@ -186,7 +178,7 @@ class GltfScene:
         """Returns how one animation moves the bones."""
         keys = [track.times for track in tracks]
         seconds = np.unique(np.concatenate(keys)) if keys else np.zeros(0)
-        fps, times = even_rate(self.path, seconds)
+        fps, times = bone_poses.even_rate(self.path, seconds)
         self._frames_made += len(times)
         check_filled(self.path, self._frames_made, len(self.transforms), self._stated)
         tracks = [track for track in tracks if track.node in self.transforms]
@@ -200,22 +192,22 @@ class GltfScene:
                 values.get((node, "scale"), rest.scale),
             )
         pose = self._world(transforms)
-        moved = WorldPose(
+        moved = bone_poses.WorldPose(
             np.broadcast_to(pose.positions, (len(times), *pose.positions.shape[-2:])),
             np.broadcast_to(pose.rotations, (len(times), *pose.rotations.shape[-3:])),
         )
-        animation = plain_animation(self.skeleton, self.rest, moved, fps)
+        animation = bone_poses.plain_animation(self.skeleton, self.rest, moved, fps)
         return checked_animation(self.path, animation)
 
-    def _world(self, transforms: Mapping[int, _Transform]) -> WorldPose:
+    def _world(self, transforms: Mapping[int, _Transform]) -> bone_poses.WorldPose:
         """Returns positions and rotations of the bones in the world."""
         frames = self._frames(transforms, self.bones)
         bones = [frames[bone] for bone in self.bones]
-        return WorldPose(
+        return bone_poses.WorldPose(
             _stacked([bone[0] for bone in bones], 1), _stacked([bone[1] for bone in bones], 2)
         )
 
-    def rest_frame(self, node: int) -> Frame:
+    def rest_frame(self, node: int) -> bone_poses.Frame:
         """Returns the frame of a node in rest pose; -1 is the world itself."""
         line = {above: _Transform.of(self.nodes[above]) for above in self.line(node)}
         return self._frames(line | self.at_rest, [node])[node]
@@ -243,7 +235,7 @@ class GltfScene:
         if len(bones) < len(skin["joints"]) or np.abs(np.linalg.det(inverse)).min() < _FLAT:
             return None
         frames = self._frames(self.transforms, bones)
-        mesh = np.stack([matrix_of(frames[bone]) for bone in bones]) @ inverse
+        mesh = np.stack([bone_poses.matrix_of(frames[bone]) for bone in bones]) @ inverse
         first = bones.index(min(bones, key=lambda bone: len(self.line(bone))))
         scale = np.cbrt(abs(np.linalg.det(mesh[first, :3, :3])))
         if np.abs(mesh[:, :3, :3] - mesh[first, :3, :3]).max() < _TURNED * scale:
@@ -253,20 +245,20 @@ class GltfScene:
         for bone in sorted(bones, key=lambda bone: len(self.line(bone))):
             above, parent = world.get(self.parents[bone]), self.parents[bone]
             if above is None:
-                above = matrix_of(self._frames(transforms, [parent])[parent])
+                above = bone_poses.matrix_of(self._frames(transforms, [parent])[parent])
             local = np.linalg.inv(above) @ world[bone]
             transforms[bone] = _Transform.of({"matrix": local.T.ravel().tolist()})
         return transforms
 
     def _frames(
         self, transforms: Mapping[int, _Transform], nodes: Sequence[int]
-    ) -> dict[int, Frame]:
+    ) -> dict[int, bone_poses.Frame]:
         """Returns the frames of nodes and of all their ancestors."""
-        frames: dict[int, Frame] = {-1: (np.zeros(3), np.eye(3), np.eye(3))}
+        frames: dict[int, bone_poses.Frame] = {-1: (np.zeros(3), np.eye(3), np.eye(3))}
         needed = {ancestor for node in nodes for ancestor in self.line(node)}
         for node in sorted(needed, key=lambda node: len(self.line(node))):
             local, above = transforms[node], frames[self.parents[node]]
-            frames[node] = placed(above, local.translation, local.rotation, local.scale)
+            frames[node] = bone_poses.placed(above, local.translation, local.rotation, local.scale)
         return frames
 
     def line(self, node: int) -> list[int]:

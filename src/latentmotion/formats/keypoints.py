@@ -32,14 +32,7 @@ from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, InputError, ReadingWarning, hint
 from latentmotion.formats.checks import numbers, read_lines, whole_rate
-from latentmotion.kinematics.keypoints import (
-    LAYOUTS,
-    Keypoints,
-    canonical_names,
-    layout_of,
-    limb_ratio,
-    upward,
-)
+from latentmotion.kinematics import keypoints
 from latentmotion.kinematics.standing import AXES, METERS_PER_UNIT, meters_per_unit, up_axis
 from latentmotion.storage.array_files import names_in, read_array, read_arrays
 from latentmotion.storage.limits import MOST_FRAMES
@@ -79,7 +72,9 @@ class KeypointOptions:
     unit: str | float | None = None  # Unit of length of points in 3D; by default shown by the body.
 
 
-def read_keypoints(path: str | Path, stated: KeypointOptions = KeypointOptions()) -> Keypoints:
+def read_keypoints(
+    path: str | Path, stated: KeypointOptions = KeypointOptions()
+) -> keypoints.Keypoints:
     """Reads the keypoints of one person.
 
     Args:
@@ -112,7 +107,9 @@ def read_keypoints(path: str | Path, stated: KeypointOptions = KeypointOptions()
         return _keypoints(path, values, stated)
 
 
-def _keypoints(path: Path, values: Mapping[str, Any], stated: KeypointOptions) -> Keypoints:
+def _keypoints(
+    path: Path, values: Mapping[str, Any], stated: KeypointOptions
+) -> keypoints.Keypoints:
     if "points" not in values:
         raise InputError(f"lacks points; found {', '.join(sorted(values)) or 'nothing'}")
     points = np.asarray(values["points"], np.float64)
@@ -133,7 +130,7 @@ def _keypoints(path: Path, values: Mapping[str, Any], stated: KeypointOptions) -
         notes.append(f"scores go up to {most:.3g}: those above 1 count as 1")
         confidence = np.minimum(confidence, 1)
     if points.shape[1] == len(names) and points.shape[2] == 3:
-        points, guesses = _upright(points, canonical_names(names), stated)
+        points, guesses = _upright(points, keypoints.canonical_names(names), stated)
         notes += guesses
     for line in notes:
         warnings.warn(f"{path}: {line}", ReadingWarning, stacklevel=3)
@@ -142,7 +139,7 @@ def _keypoints(path: Path, values: Mapping[str, Any], stated: KeypointOptions) -
         width, height = (float(side) for side in np.asarray(values["size"]).ravel())
         size = width, height
     focal = stated.focal if stated.focal is not None else values.get("focal")
-    return Keypoints(
+    return keypoints.Keypoints(
         points,
         np.maximum(confidence, 0),
         float(np.asarray(fps).item()),
@@ -166,7 +163,7 @@ def _upright(
 ) -> tuple[Float[np.ndarray, "frames keypoints 3"], list[str]]:
     """Returns points in meters, y up, and what was guessed."""
     guesses, meters = [], 1.0
-    ratio = limb_ratio(points, names)
+    ratio = keypoints.limb_ratio(points, names)
     if stated.unit is not None:
         meters = meters_per_unit(stated.unit)
     elif ratio is not None and not _LIMBS[0] < ratio < _LIMBS[1]:
@@ -176,7 +173,7 @@ def _upright(
             guesses.append(f"lengths are taken for {unit}, by the limbs (or --unit)")
     up = stated.up
     if up is None:
-        lines = upward(points, names)
+        lines = keypoints.upward(points, names)
         up, about_up = up_axis(lines[np.isfinite(lines).all(axis=1)])
         guesses += about_up
     notes = [f"a guess: {', '.join(guesses)}"] if guesses else []
@@ -186,13 +183,13 @@ def _upright(
 def _names(stated: Any, points: np.ndarray) -> tuple[str, ...]:
     """Returns the names of the keypoints, from a list, the name of a layout, or their number."""
     if stated is None:
-        return layout_of(points.shape[1], points.shape[2])
+        return keypoints.layout_of(points.shape[1], points.shape[2])
     values = np.asarray(stated)
     if values.ndim == 0:
         layout = str(values)
-        if layout not in LAYOUTS:
-            raise InputError(f"unknown layout {layout!r}: {hint(layout, LAYOUTS)}")
-        return LAYOUTS[layout]
+        if layout not in keypoints.LAYOUTS:
+            raise InputError(f"unknown layout {layout!r}: {hint(layout, keypoints.LAYOUTS)}")
+        return keypoints.LAYOUTS[layout]
     return tuple(str(name) for name in values.ravel())
 
 

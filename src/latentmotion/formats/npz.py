@@ -23,13 +23,7 @@ from latentmotion.errors import FileFormatError, InputError, LatentMotionError
 from latentmotion.formats.takes import SkeletonTake, parse_notes
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.motion import Motion
-from latentmotion.storage.array_files import (
-    holds_objects,
-    names_in,
-    read_array,
-    read_arrays,
-    write_arrays,
-)
+from latentmotion.storage import array_files
 from latentmotion.storage.reading import blamed_on
 
 _KEYS = frozenset(
@@ -58,7 +52,7 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         "parents": np.array(skeleton.parents),
         "offsets": np.asarray(skeleton.offsets),
     }
-    write_arrays(path, arrays)
+    array_files.write_arrays(path, arrays)
     return [Path(path)]
 
 
@@ -70,11 +64,11 @@ def read(path: str | Path) -> list[SkeletonTake] | list[Motion]:
     """
     from latentmotion.formats import smpl
 
-    names = names_in(path)
+    names = array_files.names_in(path)
     if "results" in names:  # ROMP's
         return smpl.read(path)
     if smpl.is_smpl(names):
-        return [smpl.read_arrays(path, read_arrays(path, smpl.KEYS))]
+        return [smpl.read_arrays(path, array_files.read_arrays(path, smpl.KEYS))]
     return read_motions(path)
 
 
@@ -84,7 +78,7 @@ def read_motions(path: str | Path) -> list[Motion]:
     Raises:
         FileFormatError: The file is damaged, or holds something else.
     """
-    arrays = read_arrays(path, _KEYS)
+    arrays = array_files.read_arrays(path, _KEYS)
     try:
         with blamed_on(path):
             return _motions(path, arrays)
@@ -126,9 +120,9 @@ def read_joints(path: str | Path) -> list[SkeletonTake] | list[Motion]:
     """
     from latentmotion.formats import smpl
 
-    if holds_objects(path):
+    if array_files.holds_objects(path):
         return smpl.read(path)
-    joints = read_array(path)
+    joints = array_files.read_array(path)
     if joints.shape[1:] == (smpl.MOTIONX_NUMBERS,) and joints.dtype.kind in "fiu":
         return [smpl.motionx_take(path, joints)]
     try:

@@ -11,19 +11,12 @@ from typing import Any
 from latentmotion.errors import FileFormatError, ReadingWarning
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.bvh import read_bvh
+from latentmotion.kinematics import standing
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import find_humanoid, fitting_map, to_humanml3d
 from latentmotion.kinematics.keypoints import grounded
 from latentmotion.kinematics.recorded import Recorded
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation
-from latentmotion.kinematics.standing import (
-    NOTHING,
-    Stated,
-    find_standing,
-    rest_stands,
-    up_at_rest,
-    upright,
-)
 from latentmotion.motion import Motion
 from latentmotion.storage.reading import parse_json
 
@@ -65,7 +58,9 @@ def read_amc_file(path: str | Path) -> list[SkeletonTake]:
     return [SkeletonTake(read_asf_amc(path))]
 
 
-def standing_motion(take: SkeletonTake | Motion, stated: Stated | None, trusted: bool) -> Motion:
+def standing_motion(
+    take: SkeletonTake | Motion, stated: standing.Stated | None, trusted: bool
+) -> Motion:
     """Returns the content of a file as a motion in meters, y up.
 
     Args:
@@ -81,11 +76,27 @@ def standing_motion(take: SkeletonTake | Motion, stated: Stated | None, trusted:
         ReadingWarning: Something is a guess.
     """
     if isinstance(take, SkeletonTake):
-        return motion_of(take, stated or NOTHING)
-    return take if trusted else _upright_motion(take, stated or NOTHING)
+        return motion_of(take, stated or standing.NOTHING)
+    if trusted:
+        return take
+    # Bare joints.
+    motion = take
+    stated = stated or standing.NOTHING
+    names = motion.skeleton.names
+    if stated.fps is not None:
+        motion = replace(motion, fps=stated.fps)
+    if not set(HUMANML3D.names) <= set(names):
+        return motion
+    joints = motion.joints[:, [names.index(name) for name in HUMANML3D.names]]
+    stance = standing.find_standing(joints, stated, 1.0)
+    if stance.guesses:
+        warnings.warn(f"a guess: {', '.join(stance.guesses)}", ReadingWarning, stacklevel=3)
+    if stance.up == "y" and stance.meters == 1:
+        return motion
+    return replace(motion, joints=stance.meters * motion.joints @ stance.axes)
 
 
-def motion_of(take: SkeletonTake, stated: Stated = NOTHING) -> Motion:
+def motion_of(take: SkeletonTake, stated: standing.Stated = standing.NOTHING) -> Motion:
     """Returns an animation as a motion of our own skeleton of those names, else of HumanML3D's.
 
     Unit and axes are what is stated, else what the file says, else what the body shows; see
@@ -111,13 +122,13 @@ def motion_of(take: SkeletonTake, stated: Stated = NOTHING) -> Motion:
     joint_map = fitting_map(stated.joint_maps, animation.skeleton.names)
     joints = to_humanml3d(animation, joint_map, take.declared)
     body = find_humanoid(animation.skeleton, take.declared, joint_map)
-    if ours is not None and stated.up is None and not take.from_video and rest_stands(body):
+    if ours is not None and not (stated.up or take.from_video) and standing.rest_stands(body):
         # Files of ours have y up, also where somebody lies.
-        stated = replace(stated, up=up_at_rest(body))
-    standing = find_standing(joints, stated, take.meters)
-    guesses = list(standing.guesses)
-    animation = upright(animation, standing)
-    joints = standing.meters * joints @ standing.axes
+        stated = replace(stated, up=standing.up_at_rest(body))
+    stance = standing.find_standing(joints, stated, take.meters)
+    guesses = list(stance.guesses)
+    animation = standing.upright(animation, stance)
+    joints = stance.meters * joints @ stance.axes
     if take.from_video and stated.fps is None:
         guesses.append(f"{animation.fps:g} frames per second (or --fps)")
     if take.path_is_missing:
@@ -135,22 +146,6 @@ def motion_of(take: SkeletonTake, stated: Stated = NOTHING) -> Motion:
         joints, animation.fps, ours or HUMANML3D, str(notes.get("caption", "")), metadata
     )
     return motion.with_recorded(recorded)
-
-
-def _upright_motion(motion: Motion, stated: Stated) -> Motion:
-    """Returns bare joints in meters, y up."""
-    names = motion.skeleton.names
-    if stated.fps is not None:
-        motion = replace(motion, fps=stated.fps)
-    if not set(HUMANML3D.names) <= set(names):
-        return motion
-    joints = motion.joints[:, [names.index(name) for name in HUMANML3D.names]]
-    standing = find_standing(joints, stated, 1.0)
-    if standing.guesses:
-        warnings.warn(f"a guess: {', '.join(standing.guesses)}", ReadingWarning, stacklevel=3)
-    if standing.up == "y" and standing.meters == 1:
-        return motion
-    return replace(motion, joints=standing.meters * motion.joints @ standing.axes)
 
 
 def parse_notes(path: str | Path, text: Any) -> dict[str, Any]:

@@ -17,13 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, LatentMotionError, MissingExtraError
-from latentmotion.formats.bones import (
-    WorldPose,
-    even_rate,
-    placed,
-    plain_animation,
-    plain_skeleton,
-)
+from latentmotion.formats import bones as bone_poses
 from latentmotion.formats.checks import check_filled, checked_animation
 from latentmotion.formats.usd_reader import REFUSED, UNWRITTEN
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix
@@ -118,9 +112,9 @@ class _Figure:
         self.above = axes @ _columns(above)
         self.local = self._rest(bones)
         rest = self._pose(*(values[None] for values in _decomposed(self.local)))
-        self.rest = WorldPose(rest.positions[0], rest.rotations[0])
+        self.rest = bone_poses.WorldPose(rest.positions[0], rest.rotations[0])
         names = [joint.rpartition("/")[2] for joint in self.joints]
-        self.skeleton = plain_skeleton(path.stem, names, self.parents, self.rest)
+        self.skeleton = bone_poses.plain_skeleton(path.stem, names, self.parents, self.rest)
         takes = [UsdSkel.Animation(prim) for prim in prims if prim.IsA(UsdSkel.Animation)]
         self.takes = [take for take in takes if self._known_joints(take)] or [None]
 
@@ -135,7 +129,7 @@ class _Figure:
             raise FileFormatError(self.path, f"{rate:g} time codes per second")
         times = np.array(codes, dtype=np.float64) / rate
         # A single frame has no rate of its own.
-        fps, seconds = even_rate(self.path, times, *([rate] if len(codes) == 1 else []))
+        fps, seconds = bone_poses.even_rate(self.path, times, *([rate] if len(codes) == 1 else []))
         size = self.path.stat().st_size // 4
         check_filled(self.path, frames_before + len(seconds), len(self.joints), size)
         # Translations, rotations and scales of all joints relative to their parents.
@@ -155,19 +149,21 @@ class _Figure:
             if not all(np.isfinite(values).all() for values in local):
                 problem = f"{take.GetPath()} holds NaN or infinite numbers"
                 raise FileFormatError(self.path, problem)
-        return plain_animation(self.skeleton, self.rest, self._pose(*local), fps)
+        return bone_poses.plain_animation(self.skeleton, self.rest, self._pose(*local), fps)
 
     def _pose(
         self, translations: np.ndarray, rotations: np.ndarray, scales: np.ndarray
-    ) -> WorldPose:
+    ) -> bone_poses.WorldPose:
         """Returns positions and rotations in the world."""
         base = self.above[:3, :3]
         world = {-1: (self.above[:3, 3], _rotation(base), base)}
         for joint, parent in enumerate(self.parents):
             local = translations[:, joint], rotations[:, joint], scales[:, joint]
-            world[joint] = placed(world[parent], *local)
+            world[joint] = bone_poses.placed(world[parent], *local)
         joints = [world[joint] for joint in range(len(self.joints))]
-        return WorldPose(*(np.stack([joint[n] for joint in joints], axis=1) for n in (0, 1)))
+        return bone_poses.WorldPose(
+            *(np.stack([joint[n] for joint in joints], axis=1) for n in (0, 1))
+        )
 
     def _known_joints(self, take: Any) -> list[str]:
         """Returns the joints of an animation that are joints of the skeleton."""

@@ -102,11 +102,19 @@ def make_mannequin(skeleton: Skeleton) -> Mannequin:
     """
     if not {*skeleton.names} >= _NEEDED:
         return _sticks(skeleton)
-    asset = _asset()
-    carriers, places = _carriers(asset, skeleton)
-    scale = _length(skeleton) / asset.length
+    asset, at_rest = _asset(), skeleton.rest_joints()
+    scale, rest = _length(skeleton) / asset.length, asset.rest
+    # Which joint of the skeleton carries each of the asset's, and where each is at rest. A joint
+    # that the skeleton lacks goes with the nearest one above it.
+    carriers, places = np.zeros(len(HUMANML3D), int), np.zeros((len(HUMANML3D), 3))
+    for joint, (name, parent) in enumerate(zip(HUMANML3D.names, HUMANML3D.parents, strict=True)):
+        if name in skeleton.names:
+            carriers[joint] = skeleton.names.index(name)
+            places[joint] = at_rest[carriers[joint]]
+        else:
+            carriers[joint] = carriers[parent]
+            places[joint] = places[parent] + scale * (rest[joint] - rest[parent])
     start, end = places[asset.anchors[:, 0]], places[asset.anchors[:, 1]]
-    rest = asset.rest
     first, last = rest[asset.anchors[:, 0]], rest[asset.anchors[:, 1]]
     share = asset.places[:, None]
     beside = scale * (asset.vertices - first - share * (last - first))
@@ -185,25 +193,6 @@ def _asset() -> _Asset:
         if isinstance(value, np.ndarray):
             value.setflags(write=False)
     return asset
-
-
-def _carriers(
-    asset: _Asset, skeleton: Skeleton
-) -> tuple[Int[np.ndarray, " joints"], Float[np.ndarray, "joints 3"]]:
-    """Returns which joint of a skeleton carries each of the asset's, and where each is at rest.
-
-    A joint that the skeleton lacks goes with the nearest one above it.
-    """
-    scale, rest = _length(skeleton) / asset.length, skeleton.rest_joints()
-    carriers, places = np.zeros(len(HUMANML3D), int), np.zeros((len(HUMANML3D), 3))
-    for joint, (name, parent) in enumerate(zip(HUMANML3D.names, HUMANML3D.parents, strict=True)):
-        if name in skeleton.names:
-            carriers[joint] = skeleton.names.index(name)
-            places[joint] = rest[carriers[joint]]
-        else:
-            carriers[joint] = carriers[parent]
-            places[joint] = places[parent] + scale * (asset.rest[joint] - asset.rest[parent])
-    return carriers, places
 
 
 def _length(skeleton: Skeleton) -> float:

@@ -96,8 +96,8 @@ class Budget:
                 vae=smaller.vae.scaled(self.width, self.layers),
                 denoiser=replace(smaller.denoiser, transformer=transformer),
             )
-        own = self.of_models.get(experiment.name)
-        for adjustment in (*([own] if own else []), *self.further):
+        single = self.of_models.get(experiment.name)
+        for adjustment in (*([single] if single else []), *self.further):
             smaller = with_changes(smaller, adjustment.settings)
         return smaller
 

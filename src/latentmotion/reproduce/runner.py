@@ -130,9 +130,27 @@ class TableRunner:
     def row(self, row: Row) -> RowResult:
         """Trains the missing stages and measures a row, unless its figures are there."""
         folder = self.trained(row)
-        protocol = self._protocol(row)
+        # Slow rows have fewer replications; MultiModality is measured only where it is printed.
+        protocol, slow = self.protocol, (row.steps or 0) >= SLOW
+        if slow:
+            most = self.work.budget.slow
+            protocol = replace(protocol, replications=min(protocol.replications, most))
+        printed = "MultiModality" in self.table.metrics and not slow
+        repeats = replace(protocol.repeats, texts=protocol.repeats.texts if printed else 0)
+        protocol = replace(protocol, repeats=repeats, nearest_clip=False, split=self.splits[-1])
         path = self.work.folder / self.table.name / f"{row.name}.json"
-        key = self._key(row, folder, protocol)
+        # Everything that determines the figures of a row.
+        inputs: dict[str, Any] = {
+            "row": to_json(replace(row, title="", paper={})),
+            "weights": sha256(folder / WEIGHTS_FILE) if folder else "",
+            "data": self.work.dataset.fingerprint,
+            "evaluator": self.evaluator.fingerprint if self.evaluator else "",
+            "protocol": to_json(protocol),
+            "metrics": list(self.table.metrics),
+            "splits": list(self.splits),
+        }
+        text = json.dumps(inputs, sort_keys=True, default=str)
+        key = hashlib.sha256(text.encode()).hexdigest()
         if path.is_file():
             earlier = read_json(RowResult, path)
             if (earlier.key, earlier.made) == (key, self.made):
@@ -204,30 +222,6 @@ class TableRunner:
     def _encoder(self, row: Row) -> TextEncoder | None:
         model = self.work.models[row.model]
         return None if model.shipped else self.work.encoder_of(model)
-
-    def _protocol(self, row: Row) -> Protocol:
-        """Slow rows have fewer replications; MultiModality is measured only where it is printed."""
-        protocol, slow = self.protocol, (row.steps or 0) >= SLOW
-        if slow:
-            most = self.work.budget.slow
-            protocol = replace(protocol, replications=min(protocol.replications, most))
-        printed = "MultiModality" in self.table.metrics and not slow
-        repeats = replace(protocol.repeats, texts=protocol.repeats.texts if printed else 0)
-        return replace(protocol, repeats=repeats, nearest_clip=False, split=self.splits[-1])
-
-    def _key(self, row: Row, folder: Path | None, protocol: Protocol) -> str:
-        """Hash of everything that determines the figures of a row."""
-        inputs: dict[str, Any] = {
-            "row": to_json(replace(row, title="", paper={})),
-            "weights": sha256(folder / WEIGHTS_FILE) if folder else "",
-            "data": self.work.dataset.fingerprint,
-            "evaluator": self.evaluator.fingerprint if self.evaluator else "",
-            "protocol": to_json(protocol),
-            "metrics": list(self.table.metrics),
-            "splits": list(self.splits),
-        }
-        text = json.dumps(inputs, sort_keys=True, default=str)
-        return hashlib.sha256(text.encode()).hexdigest()
 
     def _measured(self, row: Row, folder: Path | None, protocol: Protocol, key: str) -> RowResult:
         candidate = self._candidate(row, folder)
@@ -301,17 +295,14 @@ class TableRunner:
                 row |= {f"FID {split}": each[name]["FID"]} if "FID" in each[name] else {}
         return report, figures, truth
 
-    def _real_motions(self) -> Candidate:
-        """Returns the real motions as a candidate: a VAE that changes nothing."""
-        model = self.work.models[next(row.model for row in self.table.rows if row.model)]
-        experiment = self.work.budget.shrink(model.experiment())
-        latents = replace(experiment.latents, normalized=False)
-        first = frames_as_first_stage(replace(experiment, latents=latents), self.work.dataset)
-        return Reconstructed(first.vae, first.card)
-
     def _candidate(self, row: Row, folder: Path | None) -> Candidate:
         if folder is None:
-            return self._real_motions()
+            # The real motions are a VAE's that changes nothing.
+            model = self.work.models[next(row.model for row in self.table.rows if row.model)]
+            experiment = self.work.budget.shrink(model.experiment())
+            latents = replace(experiment.latents, normalized=False)
+            first = frames_as_first_stage(replace(experiment, latents=latents), self.work.dataset)
+            return Reconstructed(first.vae, first.card)
         if row.motions == "prior":
             return Prior(torch_prior(folder))
         if row.motions == "reconstructed":

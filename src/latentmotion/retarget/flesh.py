@@ -127,8 +127,10 @@ _LIMITS = {
 }
 _STOUT, _HEIGHT = 1.5, 0.55
 
-# Directions in which the farthest points of each part are kept.
-_DIRECTIONS = 48
+# Directions in which the farthest points of each part are kept, evenly on a spiral.
+_HEIGHTS = (np.arange(48) + 0.5) / 48 * 2 - 1
+_ANGLES, _RADII = np.arange(48) * np.pi * (3 - 5**0.5), np.sqrt(1 - _HEIGHTS**2)
+_DIRECTIONS = np.stack([_RADII * np.cos(_ANGLES), _HEIGHTS, _RADII * np.sin(_ANGLES)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +170,7 @@ def flesh_of(rig: Rig) -> Flesh | None:
             limit = max(limit, _STOUT * min(limit, float(np.median(away))))
         vertices = vertices[away <= limit]
         if len(vertices):
-            far = (surface.vertices[vertices] @ _sphere(_DIRECTIONS).T).argmax(axis=0)
+            far = (surface.vertices[vertices] @ _DIRECTIONS.T).argmax(axis=0)
             far = vertices[np.unique(far)]
             chosen.append(far)
             part = np.full(len(far), name if name.endswith(("_foot", "_hand")) else "body")
@@ -227,10 +229,3 @@ def _distance(
     share = (points - start) @ line / max(float(line @ line), 1e-12)
     nearest = start + np.clip(share, 0, 1)[:, None] * line
     return np.linalg.norm(points - nearest, axis=-1)
-
-
-def _sphere(count: int) -> Float[np.ndarray, "count 3"]:
-    """Returns directions spread evenly, on a spiral."""
-    height = (np.arange(count) + 0.5) / count * 2 - 1
-    angle, radius = np.arange(count) * np.pi * (3 - 5**0.5), np.sqrt(1 - height**2)
-    return np.stack([radius * np.cos(angle), height, radius * np.sin(angle)], axis=-1)

@@ -65,7 +65,9 @@ def place_hands(
     floor = np.minimum(0, scale * source.joints[..., 1].min(axis=1))
     for side in SIDES:
         tips = f"{side}_fingertips"
-        lowest = np.minimum(0, scale * _source_point(source, tips)[:, 1])
+        elbow, wrist = (source.position(f"{side}_{joint}") for joint in ("elbow", "wrist"))
+        source_tips = wrist + BEYOND_WRIST["fingertips"] * unit(wrist - elbow)
+        lowest = np.minimum(0, scale * source_tips[:, 1])
         pose = _lifted(pose, side, source.fps, partial(_tips_above, lowest, tips))
         pose = _flat_on_floor(pose, side, source.fps)
         if flesh is not None and f"{side}_hand" in flesh.part:
@@ -197,10 +199,3 @@ def _beyond(rig: Rig, side: str, part: str) -> Float[np.ndarray, " 3"]:
 
 # Meters of the legs of a body whose hands are as long as `BEYOND_WRIST` says.
 _USUAL_LEG = 0.82
-
-
-def _source_point(source: SourceCharacter, name: str) -> Points:
-    """Returns the positions of a point of a hand of the motion, on the line of its forearm."""
-    side, _, part = name.partition("_")
-    elbow, wrist = (source.position(f"{side}_{joint}") for joint in ("elbow", "wrist"))
-    return wrist + BEYOND_WRIST[part] * unit(wrist - elbow)

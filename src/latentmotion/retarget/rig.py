@@ -22,25 +22,11 @@ from jaxtyping import Bool, Float
 
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.errors import DataError, ReadingWarning
+from latentmotion.kinematics import standing
 from latentmotion.kinematics.bone_names import OPTIONAL, REQUIRED, SIDES, JointMap
 from latentmotion.kinematics.draft import draft_map
 from latentmotion.kinematics.humanoid import Humanoid, find_humanoid, fitting_map, to_humanml3d
 from latentmotion.kinematics.skeleton import Animation, Skeleton, posed
-from latentmotion.kinematics.standing import (
-    METERS_PER_UNIT,
-    NOTHING,
-    RestPose,
-    Stated,
-    facing_at_rest,
-    find_standing,
-    in_axes,
-    rebased,
-    rest_stands,
-    standing_bases,
-    straightest,
-    up_at_rest,
-    upright,
-)
 from latentmotion.motion import Motion
 from latentmotion.retarget.rig_files import RigFile, open_rig
 
@@ -94,11 +80,11 @@ class Rig:
             world = animation.skeleton.world_rotations(animation.rotations)[:, back]
             places = animation.joints()[:, back]
             offsets = self.meters * np.asarray(self.file.skeleton.offsets) @ self.axes
-            upright = replace(self.file.skeleton, offsets=offsets)  # meters, y up, facing +z
-            animation = posed(upright, world, places, animation.fps)
+            level = replace(self.file.skeleton, offsets=offsets)  # meters, y up, facing +z
+            animation = posed(level, world, places, animation.fps)
         if self.bases is not None:
-            animation = rebased(animation, np.swapaxes(self.bases, -1, -2))
-        scaled = in_axes(animation, self.axes.T, 1 / self.meters)
+            animation = standing.rebased(animation, np.swapaxes(self.bases, -1, -2))
+        scaled = standing.in_axes(animation, self.axes.T, 1 / self.meters)
         skeleton, translations = self.file.skeleton, scaled.translations
         if translations is None and not np.allclose(scaled.skeleton.offsets, skeleton.offsets):
             translations = np.repeat(scaled.skeleton.offsets[None], len(scaled), axis=0)
@@ -106,7 +92,7 @@ class Rig:
 
     def unit(self) -> str:
         """Returns the name of the file's unit of length."""
-        units = METERS_PER_UNIT.items()
+        units = standing.METERS_PER_UNIT.items()
         names = (name for name, meters in units if abs(meters - self.meters) < 1e-9)
         return next(names, f"{self.meters:g} m")
 
@@ -172,7 +158,7 @@ class RigPose:
 
 
 def read_rig(
-    path: str | Path, joint_map: JointMap | None = None, stated: Stated | None = None
+    path: str | Path, joint_map: JointMap | None = None, stated: standing.Stated | None = None
 ) -> Rig:
     """Reads a rig from `.glb`, `.gltf`, `.vrm`, `.fbx` or `.bvh`.
 
@@ -189,7 +175,7 @@ def read_rig(
     Warns:
         ReadingWarning: Its unit or axes are a guess.
     """
-    file, stated = open_rig(path), stated or NOTHING
+    file, stated = open_rig(path), stated or standing.NOTHING
     joint_map = joint_map or fitting_map(stated.joint_maps, file.skeleton.names)
     rig = make_rig(file, find_humanoid(file.skeleton, file.declared, joint_map), stated)
     if rig.guesses:
@@ -198,7 +184,7 @@ def read_rig(
     return rig
 
 
-def make_rig(file: RigFile, body: Humanoid, stated: Stated = NOTHING) -> Rig:
+def make_rig(file: RigFile, body: Humanoid, stated: standing.Stated = standing.NOTHING) -> Rig:
     """Stands a body upright, as its rest pose does, or its frames where a file has some.
 
     Raises:
@@ -208,7 +194,7 @@ def make_rig(file: RigFile, body: Humanoid, stated: Stated = NOTHING) -> Rig:
         return _moving_rig(file, file.animation, body, stated)
     body, order = _hung_as_bodies_do(body)
     try:
-        rest_pose = RestPose.of(body)
+        rest_pose = standing.RestPose.of(body)
     except DataError as error:
         if file.mirrored:
             raise DataError(
@@ -217,56 +203,60 @@ def make_rig(file: RigFile, body: Humanoid, stated: Stated = NOTHING) -> Rig:
             ) from error
         raise
     rest = to_humanml3d(Animation.at_rest(body.skeleton), body.joint_map())
-    standing = find_standing(rest, replace(stated, up="y"), file.unit, any_size=True)
-    skeleton = in_axes(Animation.at_rest(body.skeleton), rest_pose.axes, standing.meters).skeleton
-    root = standing.meters * file.root @ rest_pose.axes
+    stance = standing.find_standing(rest, replace(stated, up="y"), file.unit, any_size=True)
+    skeleton = standing.in_axes(
+        Animation.at_rest(body.skeleton), rest_pose.axes, stance.meters
+    ).skeleton
+    root = stance.meters * file.root @ rest_pose.axes
     lowest = float(root[1] + skeleton.rest_joints()[:, 1].min())
     # Lowest joints between 1 % below and 14 % of a leg above the floor are ankles or toes that
     # stand on it.
-    floor = 0.0 if 0 <= lowest + 0.01 * standing.leg <= 0.15 * standing.leg else None
-    floor = lowest - _SOLE * standing.leg if floor is None else floor
+    floor = 0.0 if 0 <= lowest + 0.01 * stance.leg <= 0.15 * stance.leg else None
+    floor = lowest - _SOLE * stance.leg if floor is None else floor
     return Rig(
         file=file,
         body=replace(body, skeleton=skeleton),
         axes=rest_pose.axes,
-        meters=standing.meters,
+        meters=stance.meters,
         root=root - (0, floor, 0),
         floor=floor,
-        leg=standing.leg,
+        leg=stance.leg,
         order=order,
-        guesses=standing.guesses,
+        guesses=stance.guesses,
     )
 
 
-def _moving_rig(file: RigFile, animation: Animation, body: Humanoid, stated: Stated) -> Rig:
+def _moving_rig(
+    file: RigFile, animation: Animation, body: Humanoid, stated: standing.Stated
+) -> Rig:
     """Returns a rig whose file's frames say how high it stands, and how, if its rest does not."""
     joints = to_humanml3d(animation, body.joint_map())
-    standing = find_standing(joints, stated, file.unit, any_size=True)
-    joints = standing.meters * joints @ standing.axes
-    moving = upright(animation, standing)
-    body, bases, axes = replace(body, skeleton=moving.skeleton), None, standing.axes
-    if rest_stands(body) and up_at_rest(body) == "y":
-        turn = facing_at_rest(body)
-        moving, axes = in_axes(moving, turn, 1.0), axes @ turn
+    stance = standing.find_standing(joints, stated, file.unit, any_size=True)
+    joints = stance.meters * joints @ stance.axes
+    moving = standing.upright(animation, stance)
+    body, bases, axes = replace(body, skeleton=moving.skeleton), None, stance.axes
+    if standing.rest_stands(body) and standing.up_at_rest(body) == "y":
+        turn = standing.facing_at_rest(body)
+        moving, axes = standing.in_axes(moving, turn, 1.0), axes @ turn
     else:
-        if rest_stands(body):  # along another axis than in the frames
-            bases = np.tile(RestPose.of(body).axes, (len(body.skeleton), 1, 1))
+        if standing.rest_stands(body):  # along another axis than in the frames
+            bases = np.tile(standing.RestPose.of(body).axes, (len(body.skeleton), 1, 1))
         else:
-            bases = standing_bases(moving, body, joints)
-        moving = rebased(moving, bases, straightest(joints))
+            bases = standing.standing_bases(moving, body, joints)
+        moving = standing.rebased(moving, bases, standing.straightest(joints))
     heights = moving.joints()[:, :, 1].min(axis=1)
     rest = moving.skeleton.rest_joints()
     return Rig(
         file=file,
         body=replace(body, skeleton=moving.skeleton),
         axes=axes,
-        meters=standing.meters,
+        meters=stance.meters,
         root=np.array([0.0, -rest[:, 1].min(), 0.0]),
         floor=float(np.percentile(heights, _LOWEST)),
-        leg=standing.leg,
+        leg=stance.leg,
         order=tuple(range(len(rest))),
         bases=bases,
-        guesses=standing.guesses,
+        guesses=stance.guesses,
     )
 
 
@@ -324,7 +314,7 @@ class SourceCharacter:
         else:
             animation = source
         body = body or find_humanoid(animation.skeleton)
-        rest_pose = RestPose.of(body)
+        rest_pose = standing.RestPose.of(body)
         world = animation.skeleton.world_rotations(animation.rotations) @ rest_pose.axes
         return cls(body, animation.joints(), world, animation.fps, rest_pose.leg)
 
@@ -357,7 +347,7 @@ class SourceCharacter:
 
     def rest(self) -> Float[np.ndarray, "joints 3"]:
         """Returns the rest pose, facing +z."""
-        return self.body.skeleton.rest_joints() @ RestPose.of(self.body).axes
+        return self.body.skeleton.rest_joints() @ standing.RestPose.of(self.body).axes
 
 
 @dataclass(frozen=True)

@@ -117,34 +117,30 @@ class GltfFile(RigFile):
         if path.suffix.lower() == ".fbx":
             return fbx.convert(partial(self.write, takes=takes), path, takes[0].animation.fps)
         with damage(self.path):
-            document = self._written(takes)
+            document = deepcopy(self.document)
+            for node, entry in self.scene.entries_at_rest():
+                document.json["nodes"][node] = entry
+            names = {take.name for take in takes}
+            animations = document.json.get("animations", [])
+            if not isinstance(animations, list):
+                raise TypeError(f"animations: expected a list, found {animations!r:.40}")
+            animations = [entry for entry in animations if entry.get("name") not in names]
+            for take in takes:
+                times = (np.arange(len(take.animation)) / take.animation.fps).astype("f4")
+                clock = document.add_array(times, bounds=True)
+                channels, samplers = [], []
+                for number, (node, channel, values) in enumerate(self._tracks(take.animation)):
+                    entry = document.json["nodes"][node]
+                    if "matrix" in entry:  # animated nodes must have its parts instead
+                        entry |= self.scene.transforms[node].parts()
+                        del entry["matrix"]
+                    output = document.add_array(values.astype("f4"))
+                    samplers.append({"input": clock, "output": output})
+                    channels.append({"sampler": number, "target": {"node": node, "path": channel}})
+                animations.append({"name": take.name, "channels": channels, "samplers": samplers})
+            document.json["animations"] = animations
         document.write(path)
         return [path]
-
-    def _written(self, takes: Sequence[RigTake]) -> Document:
-        document = deepcopy(self.document)
-        for node, entry in self.scene.entries_at_rest():
-            document.json["nodes"][node] = entry
-        names = {take.name for take in takes}
-        animations = document.json.get("animations", [])
-        if not isinstance(animations, list):
-            raise TypeError(f"animations: expected a list, found {animations!r:.40}")
-        animations = [entry for entry in animations if entry.get("name") not in names]
-        for take in takes:
-            times = (np.arange(len(take.animation)) / take.animation.fps).astype("f4")
-            clock = document.add_array(times, bounds=True)
-            channels, samplers = [], []
-            for number, (node, channel, values) in enumerate(self._tracks(take.animation)):
-                entry = document.json["nodes"][node]
-                if "matrix" in entry:  # animated nodes must have its parts instead
-                    entry |= self.scene.transforms[node].parts()
-                    del entry["matrix"]
-                output = document.add_array(values.astype("f4"))
-                samplers.append({"input": clock, "output": output})
-                channels.append({"sampler": number, "target": {"node": node, "path": channel}})
-            animations.append({"name": take.name, "channels": channels, "samplers": samplers})
-        document.json["animations"] = animations
-        return document
 
     def _tracks(self, animation: Animation) -> list[tuple[int, str, np.ndarray]]:
         """Returns node, property and values of every bone that moves."""

@@ -154,8 +154,16 @@ def with_root_motion(animation: Animation, rig: Rig, root_motion: RootMotion) ->
     if root_motion == "none":
         moved[:, bone] -= path  # nothing above it rotates
         return replace(animation, root_positions=root, translations=moved)
-    # The root bone turns with the body; what hangs between it and the moving bone, with it.
-    facing = _facing(joints, rig, animation.fps)
+    # The root bone turns with the body's heading, smoothed; what hangs between it and the moving
+    # bone, with it.
+    at = rig.body.joints
+    across = sum(
+        joints[:, at[f"right_{part}"]] - joints[:, at[f"left_{part}"]]
+        for part in ("hip", "shoulder")
+    )
+    yaw = np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))  # type: ignore[index]
+    smooth = gaussian(yaw, _SWAY * animation.fps)
+    facing = matrix_from_axis_angle(smooth[:, None] * np.array([0.0, 1.0, 0.0]))
     back, rotations = np.swapaxes(facing, -1, -2), animation.rotations.copy()
     above = rig.body.lines[bone][1:-1]  # without the root
     offset = np.sum([moved[:, joint] for joint in above], axis=0) if above else 0.0
@@ -163,18 +171,6 @@ def with_root_motion(animation: Animation, rig: Rig, root_motion: RootMotion) ->
     moved[:, bone] = np.einsum("fab,fb->fa", back, place) - offset
     rotations[:, 0], rotations[:, bone] = facing, back @ rotations[:, bone]
     return replace(animation, rotations=rotations, root_positions=root + path, translations=moved)
-
-
-def _facing(joints: Float[np.ndarray, "frames joints 3"], rig: Rig, fps: float) -> Rotations:
-    """Returns the rotations of a body's heading about the vertical, smoothed."""
-    at = rig.body.joints
-    across = sum(
-        joints[:, at[f"right_{part}"]] - joints[:, at[f"left_{part}"]]
-        for part in ("hip", "shoulder")
-    )
-    yaw = np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))  # type: ignore[index]
-    smooth = gaussian(yaw, _SWAY * fps)
-    return matrix_from_axis_angle(smooth[:, None] * np.array([0.0, 1.0, 0.0]))
 
 
 def check_root_bone(rig: Rig) -> None:

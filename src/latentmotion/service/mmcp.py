@@ -13,18 +13,11 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
+import motionmcp
 import numpy as np
 from fastapi import FastAPI
 from jaxtyping import Float
-from motionmcp import (
-    Backbone,
-    GenerateRequest,
-    ModelSpec,
-    MotionResult,
-    ProtocolError,
-    build_app,
-    schemas,
-)
+from motionmcp import Backbone, GenerateRequest, ModelSpec, MotionResult, ProtocolError, schemas
 from motionmcp.backbone import Limits
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
@@ -356,7 +349,7 @@ def _path(constraint: schemas.RootPathConstraint, scale: float, fps: float) -> l
 
 def application(pipeline: MotionPipeline) -> FastAPI:
     """Returns the server of a model: `GET /capabilities` and `POST /generate`."""
-    app = build_app(LatentMotionBackbone(pipeline), title="Latent Motion")
+    app = motionmcp.build_app(LatentMotionBackbone(pipeline), title="Latent Motion")
     # No web page reaches it by another name that leads to this machine.
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=["localhost", "127.0.0.1"])
     return app

@@ -55,7 +55,22 @@ class Connection(HttpToolsProtocol):
         super().connection_made(transport)
         self.silent_since = self.loop.time()
         self._expect_head()
-        self._make_room()
+        # Of too many connections, of this address or all together, the one that has been silent
+        # longest is closed.
+        everyone: list[Any] = list(self.connections)
+        same_address = [
+            peer for peer in everyone if peer.client and peer.client[0] == (self.client or "?")[0]
+        ]
+        for crowd, most in ((same_address, CONNECTIONS_OF_ADDRESS), (everyone, CONNECTIONS)):
+            if len(crowd) > most + SPARE:
+                idle = [peer for peer in crowd if peer.is_idle and peer is not self]
+                last = min(
+                    idle,
+                    key=lambda peer: (peer.cycle is not None, peer.silent_since),
+                    default=self,
+                )
+                last.transport.abort()
+                return
 
     def data_received(self, data: bytes) -> None:
         """Reads a request, or a part of one."""
@@ -92,23 +107,6 @@ class Connection(HttpToolsProtocol):
         if self._head is not None:
             self._head.cancel()
             self._head = None
-
-    def _make_room(self) -> None:
-        """Closes a silent connection where this address, or all together, have too many."""
-        everyone: list[Any] = list(self.connections)
-        same_address = [
-            peer for peer in everyone if peer.client and peer.client[0] == (self.client or "?")[0]
-        ]
-        for crowd, most in ((same_address, CONNECTIONS_OF_ADDRESS), (everyone, CONNECTIONS)):
-            if len(crowd) > most + SPARE:
-                idle = [peer for peer in crowd if peer.is_idle and peer is not self]
-                last = min(
-                    idle,
-                    key=lambda peer: (peer.cycle is not None, peer.silent_since),
-                    default=self,
-                )
-                last.transport.abort()
-                return
 
 
 class Server(uvicorn.Server):

@@ -14,20 +14,13 @@ from fastapi.responses import Response, StreamingResponse
 
 from latentmotion import formats
 from latentmotion.formats import MEDIA_TYPES
+from latentmotion.service import schemas
 from latentmotion.service.problems import Problem
-from latentmotion.service.schemas import (
-    MOST_CHARACTERS,
-    MOST_STEPS,
-    Character,
-    FileFormat,
-    MotionRequest,
-    Readable,
-)
 from latentmotion.service.state import Service, unless_gone
 
 Fps = Annotated[float | None, Query(ge=1, le=240, allow_inf_nan=False)]
-Source = Annotated[Readable, Query(description="Format of the body.")]
-Target = Annotated[FileFormat, Query(alias="format", description="Format of the answer.")]
+Source = Annotated[schemas.Readable, Query(description="Format of the body.")]
+Target = Annotated[schemas.FileFormat, Query(alias="format", description="Format of the answer.")]
 
 _FILE = {"schema": {"type": "string", "format": "binary"}}
 # OpenAPI schema of a body that is a file.
@@ -74,18 +67,20 @@ def routes(service: Service) -> APIRouter:
     @router.post("/retarget", openapi_extra=BINARY_BODY, response_class=Response)
     async def retarget(
         request: Request,
-        source: Annotated[Character, Query(description="Format of the character, the body.")],
-        prompt: Annotated[str, Query(max_length=MOST_CHARACTERS)],
+        source: Annotated[
+            schemas.Character, Query(description="Format of the character, the body.")
+        ],
+        prompt: Annotated[str, Query(max_length=schemas.MOST_CHARACTERS)],
         target: Annotated[Literal["glb", "bvh"], Query(alias="format")] = "glb",
         seconds: Annotated[float | None, Query(allow_inf_nan=False)] = None,
         seed: Annotated[int, Query(ge=0, lt=2**53)] = 0,
-        steps: Annotated[int | None, Query(ge=1, le=MOST_STEPS)] = None,
+        steps: Annotated[int | None, Query(ge=1, le=schemas.MOST_STEPS)] = None,
         guidance: Annotated[float | None, Query(allow_inf_nan=False)] = None,
         clean: bool = True,
         fps: Fps = None,
     ) -> Response:
         """Generate a motion and put it on the character in the body."""
-        motion_request = MotionRequest(
+        motion_request = schemas.MotionRequest(
             prompt=prompt, seconds=seconds, seed=seed, steps=steps, guidance=guidance, clean=clean
         )
         async with uploaded(service, request, f"character.{source}") as folder:

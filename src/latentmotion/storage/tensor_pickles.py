@@ -23,16 +23,8 @@ from zipfile import ZipFile, is_zipfile
 import numpy as np
 
 from latentmotion.errors import FileFormatError
-from latentmotion.storage import limits
+from latentmotion.storage import limits, pickles
 from latentmotion.storage.array_files import DAMAGE, check_members, read_header
-from latentmotion.storage.pickles import (
-    ALLOWED,
-    ForbiddenName,
-    RestrictedUnpickler,
-    StandInArray,
-    StandInType,
-    plain_values,
-)
 from latentmotion.storage.reading import blamed_on, read_bytes
 
 # Storages of PyTorch and their types in NumPy; the types that NumPy lacks are not read.
@@ -73,8 +65,8 @@ def load(path: str | Path) -> Any:
         if unpacking.unconsumed_tail:
             raise FileFormatError(path, f"would unpack to more than {most:,} bytes")
     if content.startswith(b"\x93NUMPY"):
-        return plain_values(path, len(content), lambda: _objects(content))
-    return plain_values(path, len(content), _Unpickler(io.BytesIO(content)).load)
+        return pickles.plain_values(path, len(content), lambda: _objects(content))
+    return pickles.plain_values(path, len(content), _Unpickler(io.BytesIO(content)).load)
 
 
 def _zipped(path: str | Path) -> Any:
@@ -87,7 +79,7 @@ def _zipped(path: str | Path) -> Any:
     if program is None:
         arrays = {name.removesuffix(".npy"): raw for name, raw in members.items()}
         return {
-            name: plain_values(path, len(raw), partial(_objects, raw))
+            name: pickles.plain_values(path, len(raw), partial(_objects, raw))
             for name, raw in arrays.items()
         }
     folder = program.removesuffix("data.pkl")
@@ -96,7 +88,7 @@ def _zipped(path: str | Path) -> Any:
         return members[f"{folder}data/{key}"]
 
     size = sum(map(len, members.values()))
-    return plain_values(path, size, _Unpickler(io.BytesIO(members[program]), stored).load)
+    return pickles.plain_values(path, size, _Unpickler(io.BytesIO(members[program]), stored).load)
 
 
 def _objects(raw: bytes) -> Any:
@@ -105,11 +97,13 @@ def _objects(raw: bytes) -> Any:
     shape, fortran, kind = read_header(file)
     if kind.hasobject:
         return _Unpickler(file).load()
-    return _array(StandInType(kind.str).values(file.read(), shape), shape, fortran)
+    return _array(pickles.StandInType(kind.str).values(file.read(), shape), shape, fortran)
 
 
-def _array(values: np.ndarray, shape: tuple[int, ...], fortran: bool = False) -> StandInArray:
-    array = StandInArray()
+def _array(
+    values: np.ndarray, shape: tuple[int, ...], fortran: bool = False
+) -> pickles.StandInArray:
+    array = pickles.StandInArray()
     array.values, array.shape, array.fortran = values, tuple(map(int, shape)), fortran
     return array
 
@@ -127,7 +121,9 @@ class _Storage:
         self.values = np.frombuffer(raw[: len(raw) // kind_of.itemsize * kind_of.itemsize], kind_of)
 
 
-def _rebuilt(storage: _Storage, offset: int, size: Any, stride: Any, *_: Any) -> StandInArray:
+def _rebuilt(
+    storage: _Storage, offset: int, size: Any, stride: Any, *_: Any
+) -> pickles.StandInArray:
     """Makes a tensor that repeats none of its numbers."""
     size, stride = tuple(map(int, size)), tuple(map(int, stride))
     last = offset + sum((n - 1) * step for n, step in zip(size, stride, strict=True))
@@ -161,7 +157,7 @@ class _JoblibArray:
 
     shape: tuple[int, ...]
     order: str
-    dtype: StandInType
+    dtype: pickles.StandInType
     numpy_array_alignment_bytes: int | None = None
 
     def read(self, file: io.BytesIO) -> Any:
@@ -180,7 +176,7 @@ class _JoblibArray:
 
 # Names that a file may use, and what it gets for each.
 _NAMES: dict[tuple[str, str], Any] = {
-    **ALLOWED,
+    **pickles.ALLOWED,
     **{("torch", name): kind for name, kind in _TYPES.items()},
     ("torch._utils", "_rebuild_tensor_v2"): _rebuilt,
     ("torch._utils", "_rebuild_parameter"): lambda tensor, *_: tensor,
@@ -193,7 +189,7 @@ _NAMES: dict[tuple[str, str], Any] = {
 }
 
 
-class _Unpickler(RestrictedUnpickler):
+class _Unpickler(pickles.RestrictedUnpickler):
     """Reads a pickle whose arrays may lie outside of it or between its instructions.
 
     Args:
@@ -201,7 +197,7 @@ class _Unpickler(RestrictedUnpickler):
         stored: Returns the bytes of a storage of PyTorch by its name; None where there are none.
     """
 
-    dispatch: ClassVar[dict[int, Any]] = dict(RestrictedUnpickler.dispatch)
+    dispatch: ClassVar[dict[int, Any]] = dict(pickles.RestrictedUnpickler.dispatch)
 
     def __init__(self, file: io.BytesIO, stored: Callable[[str], bytes] | None = None) -> None:
         super().__init__(file, lambda *name: _NAMES[name], "latin1")
@@ -214,7 +210,7 @@ class _Unpickler(RestrictedUnpickler):
             ForbiddenName: It is something else.
         """
         if self._stored is None or not isinstance(pid, tuple) or pid[0] != "storage":
-            raise ForbiddenName(f"the outside object {pid!r}")
+            raise pickles.ForbiddenName(f"the outside object {pid!r}")
         return _Storage(pid[1], self._stored(str(pid[2])))
 
     def load_build(self) -> None:

@@ -218,7 +218,22 @@ class Library:
             ) from error
         self._lock = RLock()
         try:
-            self._open(folder / "library.sqlite3")
+            path = folder / "library.sqlite3"
+            path.touch(mode=0o600)
+            if is_durable(path):
+                sync_names(path)
+            self._database = sqlite3.connect(
+                path, timeout=10.0, isolation_level=None, check_same_thread=False
+            )
+            self._database.row_factory = sqlite3.Row
+            (version,) = self._database.execute("PRAGMA user_version").fetchone()
+            if version > VERSION:
+                raise InputError(f"{path} is of version {version}; update latentmotion")
+            # A take that was answered for is there after a power cut; readers never wait for a
+            # writer.
+            self._database.execute("PRAGMA journal_mode = WAL")
+            self._database.execute("PRAGMA synchronous = FULL")
+            self._database.executescript(f"{_TABLES} PRAGMA user_version = {VERSION};")
         except sqlite3.Error as error:
             if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_FULL:
                 raise DiskFullError(f"--library {folder}: the disk is full; make room") from error
@@ -226,22 +241,6 @@ class Library:
                 f"{folder / 'library.sqlite3'} is no library that can be used ({error}); move it "
                 "away, or name another folder by --library"
             ) from error
-
-    def _open(self, path: Path) -> None:
-        path.touch(mode=0o600)
-        if is_durable(path):
-            sync_names(path)
-        self._database = sqlite3.connect(
-            path, timeout=10.0, isolation_level=None, check_same_thread=False
-        )
-        self._database.row_factory = sqlite3.Row
-        (version,) = self._database.execute("PRAGMA user_version").fetchone()
-        if version > VERSION:
-            raise InputError(f"{path} is of version {version}; update latentmotion")
-        # A take that was answered for is there after a power cut; readers never wait for a writer.
-        self._database.execute("PRAGMA journal_mode = WAL")
-        self._database.execute("PRAGMA synchronous = FULL")
-        self._database.executescript(f"{_TABLES} PRAGMA user_version = {VERSION};")
 
     def close(self) -> None:
         """Closes the database."""

@@ -13,18 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from latentmotion.service.schemas import (
-    MOST_GOALS,
-    FileFormat,
-    Fps,
-    HeadingGoal,
-    JointGoal,
-    Number,
-    PathGoal,
-    RequestModel,
-    SceneRequest,
-    SpanOfTimeline,
-)
+from latentmotion.service import schemas as service
 from latentmotion.studio.library import ID, MOST_TITLE
 
 CHARACTER_FORMATS = ["glb", "bvh"]
@@ -90,13 +79,13 @@ Tag = Annotated[
 ]
 ModelName = Annotated[str, Field(min_length=1, max_length=500)]
 """Name of a model in the list of models; no folder is opened by it."""
-Span = tuple[Annotated[Number, Field(ge=0)], Annotated[Number, Field(gt=0)]]
+Span = tuple[Annotated[service.Number, Field(ge=0)], Annotated[service.Number, Field(gt=0)]]
 
 
-class PoseGoal(RequestModel):
+class PoseGoal(service.RequestModel):
     """All joints are where they are in a frame of a take, as it is shown."""
 
-    at: Number
+    at: service.Number
     """Seconds."""
     take: Id
     """The take."""
@@ -104,7 +93,7 @@ class PoseGoal(RequestModel):
     """Its frame; a negative one counts from the end."""
 
 
-class Edit(RequestModel):
+class Edit(service.RequestModel):
     """A part of a take is generated anew; the prompt says what the person does there."""
 
     take: Id
@@ -115,7 +104,7 @@ class Edit(RequestModel):
     """Parts of the body that change; by default all."""
 
 
-class Transition(RequestModel):
+class Transition(service.RequestModel):
     """What leads from one take to another; `seconds` says how long it takes."""
 
     start: Id
@@ -124,10 +113,10 @@ class Transition(RequestModel):
     """The take that it leads to."""
 
 
-class Recipe(SceneRequest):
+class Recipe(service.SceneRequest):
     """Recipe of a take: a scene, or a loop, an edit or a transition, and its sampling."""
 
-    poses: list[PoseGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    poses: list[PoseGoal] = Field(default_factory=list, max_length=service.MOST_GOALS)
     """Whole poses."""
     start: Id | None = None
     """The take in whose last pose the motion begins."""
@@ -153,7 +142,7 @@ class Recipe(SceneRequest):
     """Seeds of the takes that were made together with it."""
 
 
-class TakesRequest(RequestModel):
+class TakesRequest(service.RequestModel):
     """Takes to make, all of one recipe, whose seed counts up."""
 
     recipe: Recipe
@@ -164,14 +153,14 @@ class TakesRequest(RequestModel):
     """Model that makes them; by default the one that the studio was started with."""
 
 
-class ModelChoice(RequestModel):
+class ModelChoice(service.RequestModel):
     """A model to load."""
 
     model: ModelName
     """Its name in the list of models."""
 
 
-class TakeChanges(RequestModel):
+class TakeChanges(service.RequestModel):
     """Changes of a take; fields left out stay."""
 
     title: Title = ""
@@ -184,7 +173,7 @@ class TakeChanges(RequestModel):
     """Marked as good."""
     trim: Span | None = None
     """Start and end, seconds of the stored motion; null for all of it."""
-    speed: Annotated[Number, Field(gt=0)] = 1.0
+    speed: Annotated[service.Number, Field(gt=0)] = 1.0
     """Playback speed factor."""
     in_place: bool = False
     """Without root motion along the floor."""
@@ -192,26 +181,26 @@ class TakeChanges(RequestModel):
     """Left and right are swapped."""
 
 
-class ExportRequest(RequestModel):
+class ExportRequest(service.RequestModel):
     """Takes to write into one archive."""
 
     ids: list[Id] = Field(min_length=1, max_length=MOST_EXPORTED)
     """The takes."""
-    format: FileFormat = "glb"
+    format: service.FileFormat = "glb"
     """Format of the files."""
-    fps: Fps = None
+    fps: service.Fps = None
     character: Id | None = None
     """Figure of the user that they are put on."""
 
 
-class MappingChange(RequestModel):
+class MappingChange(service.RequestModel):
     """Which bone of a character is which of our joints."""
 
     mapping: dict[str, str | None] = Field(max_length=100)
     """Our joints → its bones; null for none."""
 
 
-class Project(RequestModel):
+class Project(service.RequestModel):
     """What a user works on: one JSON file."""
 
     format: Literal[1]
@@ -220,15 +209,15 @@ class Project(RequestModel):
     """Its name, which is that of the file."""
     takes: list[Id] = Field(default_factory=list, max_length=1000)
     """Takes that are open."""
-    timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=64)
+    timeline: list[service.SpanOfTimeline] = Field(default_factory=list, max_length=64)
     """Prompts, as in a scene."""
-    goals: list[JointGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    goals: list[service.JointGoal] = Field(default_factory=list, max_length=service.MOST_GOALS)
     """Places of joints."""
-    headings: list[HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    headings: list[service.HeadingGoal] = Field(default_factory=list, max_length=service.MOST_GOALS)
     """Directions of the body."""
-    poses: list[PoseGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    poses: list[PoseGoal] = Field(default_factory=list, max_length=service.MOST_GOALS)
     """Whole poses."""
-    path: PathGoal | None = None
+    path: service.PathGoal | None = None
     """The path of the pelvis."""
     settings: dict[str, Any] = Field(default_factory=dict)
     """What the page keeps for itself."""

@@ -31,17 +31,9 @@ from latentmotion.retrieval.teach import ShownClip, build_index
 from latentmotion.service.schemas import FileFormat, Readable, RequestModel, Text
 from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, Fps, pieces, uploaded
+from latentmotion.studio import schemas
 from latentmotion.studio.library import MOST_LISTED, Edits, Library, StoredTake
 from latentmotion.studio.models import Models
-from latentmotion.studio.schemas import (
-    CHARACTER_FORMATS,
-    MOST_TAKES,
-    ExportRequest,
-    FileName,
-    Id,
-    TakeChanges,
-    TakesRequest,
-)
 
 MOST_IMPORTED = 100  # Most motions of a file that is imported.
 
@@ -53,7 +45,7 @@ def recipe_routes(service: Service, library: Library, models: Models) -> APIRout
     router = APIRouter()
 
     @router.post("/takes")
-    async def make(request: Request, body: TakesRequest) -> dict[str, Any]:
+    async def make(request: Request, body: schemas.TakesRequest) -> dict[str, Any]:
         """Make takes of a recipe and keep them."""
         service.check_ready()
         maker = await run_in_threadpool(models.maker, body.model)
@@ -72,7 +64,7 @@ def recipe_routes(service: Service, library: Library, models: Models) -> APIRout
         return _notice(models.maker(model or None).pipeline.read(prompt).about())
 
     @router.post("/takes/{name}/again")
-    async def again(request: Request, name: Id) -> dict[str, Any]:
+    async def again(request: Request, name: schemas.Id) -> dict[str, Any]:
         """Make a take again from its recipe, and compare; a missing file is written again."""
         service.check_ready()
         take = await run_in_threadpool(library.take, name)
@@ -108,12 +100,12 @@ def routes(library: Library) -> APIRouter:
         return {"total": total, "takes": answers, "tags": library.tags()}
 
     @router.get("/takes/{name}")
-    def shown(name: Id) -> dict[str, Any]:
+    def shown(name: schemas.Id) -> dict[str, Any]:
         """Describe a take."""
         return library.take(name).about()
 
     @router.patch("/takes/{name}")
-    def changed(name: Id, body: TakeChanges) -> dict[str, Any]:
+    def changed(name: schemas.Id, body: schemas.TakeChanges) -> dict[str, Any]:
         """Change title, tags, star or edits of a take."""
         take, changes = library.take(name), body.model_dump(include=body.model_fields_set)
         edits = {key: changes.pop(key) for key in _EDITS if key in changes}
@@ -122,17 +114,17 @@ def routes(library: Library) -> APIRouter:
         return library.change(name, edits=replace(take.edits, **edits), **changes).about()
 
     @router.delete("/takes/{name}")
-    def deleted(name: Id) -> dict[str, Any]:
+    def deleted(name: schemas.Id) -> dict[str, Any]:
         """Mark a take as deleted; `restore` takes the mark away."""
         return library.change(name, deleted=True).about()
 
     @router.post("/takes/{name}/restore")
-    def restored(name: Id) -> dict[str, Any]:
+    def restored(name: schemas.Id) -> dict[str, Any]:
         """Take the mark of a deleted take away."""
         return library.change(name, deleted=False).about()
 
     @router.post("/takes/{name}/duplicate")
-    def duplicated(name: Id) -> dict[str, Any]:
+    def duplicated(name: schemas.Id) -> dict[str, Any]:
         """Keep the motion of a take as another one, to be edited apart."""
         return library.duplicate(name).about()
 
@@ -144,13 +136,13 @@ def file_routes(service: Service, library: Library) -> APIRouter:
     router = APIRouter()
 
     @router.get("/takes/{name}/joints", response_class=Response)
-    def joints(name: Id) -> Response:
+    def joints(name: schemas.Id) -> Response:
         """Send the joints of a take as float32, little-endian: frames × joints × 3, meters."""
         return several([name])
 
     @router.get("/joints", response_class=Response)
     def several(
-        take: Annotated[list[Id], Query(min_length=1, max_length=MOST_TAKES)],
+        take: Annotated[list[schemas.Id], Query(min_length=1, max_length=schemas.MOST_TAKES)],
     ) -> Response:
         """Send the joints of several takes one behind the other, X-Frames and X-Fps of each."""
         motions = [library.motion(library.take(name)) for name in take]
@@ -162,22 +154,22 @@ def file_routes(service: Service, library: Library) -> APIRouter:
         return Response(content, headers=headers, media_type="application/octet-stream")
 
     @router.get("/takes/{name}/viewer", response_class=Response)
-    async def viewer(name: Id) -> Response:
+    async def viewer(name: schemas.Id) -> Response:
         """Send what the viewer reads."""
         return await sent(name, Written("viewer"))
 
     @router.get("/takes/{name}/file", response_class=Response)
     async def file(
-        name: Id,
+        name: schemas.Id,
         form: Annotated[FileFormat, Query(alias="format")] = "glb",
         fps: Fps = None,
-        character: Id | None = None,
+        character: schemas.Id | None = None,
     ) -> Response:
         """Send a take as a file, edited as it is shown, on a character if one is named."""
         return await sent(name, Written(form, fps, character))
 
     @router.get("/takes/{name}/on/{character}.glb", response_class=Response)
-    async def on_character(name: Id, character: Id, fps: Fps = None) -> Response:
+    async def on_character(name: schemas.Id, character: schemas.Id, fps: Fps = None) -> Response:
         """Send a take on a character; one of bones alone is given a mannequin's surface."""
         return await sent(name, Written("glb", fps, character))
 
@@ -195,7 +187,7 @@ def transfer_routes(service: Service, library: Library) -> APIRouter:
     router = APIRouter()
 
     @router.post("/export", response_class=Response)
-    async def exported(request: Request, body: ExportRequest) -> Response:
+    async def exported(request: Request, body: schemas.ExportRequest) -> Response:
         """Send several takes as a zip archive of files."""
         takes = [await run_in_threadpool(library.take, name) for name in body.ids]
         form = Written(body.format, body.fps, body.character)
@@ -209,7 +201,7 @@ def transfer_routes(service: Service, library: Library) -> APIRouter:
             return StreamingResponse(pieces(path), headers=headers, media_type=MEDIA_TYPES["zip"])
 
     @router.post("/import", openapi_extra=BINARY_BODY)
-    async def imported(request: Request, name: FileName) -> dict[str, Any]:
+    async def imported(request: Request, name: schemas.FileName) -> dict[str, Any]:
         """Keep the motions of a file, each as a take."""
         ending = Path(name).suffix.lower().lstrip(".")
         if ending not in get_args(Readable):
@@ -265,8 +257,8 @@ async def content_of(
         LatentMotionError: The motion or the character cannot be used, or not written so.
         Problem: Too much waits, or it took too long.
     """
-    if form.character is not None and form.format not in CHARACTER_FORMATS:
-        formats = " or ".join(CHARACTER_FORMATS)
+    if form.character is not None and form.format not in schemas.CHARACTER_FORMATS:
+        formats = " or ".join(schemas.CHARACTER_FORMATS)
         raise InputError(f"format {form.format}: characters are written as {formats}")
     motion = await run_in_threadpool(library.motion, take)
     if form.character is None:
@@ -324,7 +316,7 @@ def model_routes(library: Library, models: Models) -> APIRouter:
 
     @router.get("/best")
     def best(
-        take: Annotated[list[Id], Query(min_length=1, max_length=MOST_TAKES)],
+        take: Annotated[list[schemas.Id], Query(min_length=1, max_length=schemas.MOST_TAKES)],
     ) -> dict[str, Any]:
         """Score takes of one prompt as `best of` does, and say which is best and why.
 
@@ -347,7 +339,7 @@ def model_routes(library: Library, models: Models) -> APIRouter:
         return {"take": next(iter(scores)), "reason": reason(ranked), "scores": scores}
 
     @router.post("/takes/{name}/teach")
-    def taught(name: Id, body: TeachRequest) -> dict[str, int]:
+    def taught(name: schemas.Id, body: TeachRequest) -> dict[str, int]:
         """Let takes of these sentences, and of near ones, start from a take."""
         take, model = library.take(name), models.named(body.model)
         clips, sentences = teach(models.opened(model), library, take, body.sentences)

@@ -14,20 +14,11 @@ from pathlib import Path
 import bpy
 from mathutils import Vector
 
+from . import directing
 from .actions import make_action
 from .bones import ArmatureBody
 from .bvh import read_take
 from .command import CommandJob
-from .directing import (
-    Goal,
-    Place,
-    frames_of,
-    goal_scene,
-    joint_of,
-    marker_scene,
-    path_points,
-    write_scene,
-)
 from .settings import MISSING, command_of
 
 _SECONDS_BETWEEN_LOOKS = 0.1
@@ -60,7 +51,7 @@ class GenerationTask:
         self.folder = Path(tempfile.mkdtemp(prefix="latentmotion-"))
         self.scene = self.folder / "scene.json" if directed else None
         if directed and self.scene:
-            write_scene(directed, self.scene)
+            directing.write_scene(directed, self.scene)
         self.job = CommandJob(self._calls(), self.folder)
 
     def _directed(self, context: bpy.types.Context, target: bpy.types.Object | None) -> dict | None:
@@ -71,25 +62,27 @@ class GenerationTask:
         origin = target.matrix_world.translation if target else scene.cursor.location
         turn = target.matrix_world.to_quaternion() if target else None
         heading = 2 * math.atan2(turn.z, turn.w) if turn else 0.0
-        place = Place(tuple(origin), heading, scene.frame_start, self.fps)
+        place = directing.Place(tuple(origin), heading, scene.frame_start, self.fps)
         if settings["directed_by"] == "MARKERS":
             markers = [(marker.name, marker.frame) for marker in scene.timeline_markers]
-            return marker_scene(settings["prompt"], markers, place, scene.frame_end)
+            return directing.marker_scene(settings["prompt"], markers, place, scene.frame_end)
         goals, paths, now = [], [], (scene.frame_current, scene.frame_subframe)
         for item in scene.objects:
-            joint = joint_of(item)
-            for frame in frames_of(item, _curves(item)) if joint else []:
+            joint = directing.joint_of(item)
+            for frame in directing.frames_of(item, _curves(item)) if joint else []:
                 scene.frame_set(int(frame // 1), subframe=frame % 1)
-                goals.append(Goal(joint, frame, tuple(item.matrix_world.translation)))
+                goals.append(directing.Goal(joint, frame, tuple(item.matrix_world.translation)))
             if item.type == "CURVE" and item.name.partition(".")[0] == "path":
                 paths.append(item)
         scene.frame_set(now[0], subframe=now[1])
         if len(paths) > 1:
             raise ValueError(f"{len(paths)} curves named path: a motion follows one")
         points = [
-            item.matrix_world @ Vector(p) for item in paths for p in path_points(item.data.splines)
+            item.matrix_world @ Vector(p)
+            for item in paths
+            for p in directing.path_points(item.data.splines)
         ]
-        return goal_scene(settings["prompt"], settings["seconds"], goals, points, place)
+        return directing.goal_scene(settings["prompt"], settings["seconds"], goals, points, place)
 
     def _calls(self) -> Iterator[list[str]]:
         """Yields the calls of the command; the later ones depend on the files of the first."""
