@@ -13,11 +13,12 @@ from latentmotion.cleanup import CleanUpWarning
 from latentmotion.errors import DataError, InputError
 from latentmotion.formats.bvh import write_bvh
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation
+from latentmotion.kinematics.standing import RestPose
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.retarget import Rig, find_humanoid, read_rig, retarget
 from latentmotion.retarget.hands import place_hands, point_of
-from latentmotion.retarget.rig import RestPose, RigPose, SourceCharacter
+from latentmotion.retarget.rig import RigPose, SourceCharacter
 from latentmotion.retarget.transfer import check_output, write
 from tests.support.walker import walker
 
