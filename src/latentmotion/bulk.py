@@ -34,10 +34,8 @@ from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_model
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.storage import limits
+from latentmotion.storage import limits, reading, shards
 from latentmotion.storage.files import sha256
-from latentmotion.storage.reading import read_table, read_text
-from latentmotion.storage.shards import ShardContent, ShardedRun, Work, Wrong
 from latentmotion.text.encoder import MemoryCachedTextEncoder
 
 COLUMNS = ("prompt", "seconds", "seed")  # Columns of a table that are read; the first is needed.
@@ -67,9 +65,9 @@ def read_rows(path: Path, seed: int = 0) -> list[PromptRow]:
         InputError: It holds no row.
     """
     if path.suffix.lower() == ".csv":
-        table = read_table(path, COLUMNS[:1])
+        table = reading.read_table(path, COLUMNS[:1])
     else:
-        lines = io.StringIO(read_text(path), newline=None)
+        lines = io.StringIO(reading.read_text(path), newline=None)
         table = [(number, {"prompt": line}) for number, line in enumerate(lines, 1)]
     if not table:
         raise InputError(f"{path} holds no prompt; expected one per line")
@@ -200,7 +198,7 @@ def work_of(
     prompts: Path,
     seed: int = 0,
     rows: int = ROWS,
-) -> Work:
+) -> shards.Work:
     """Returns the shards of a file of prompts.
 
     Args:
@@ -244,12 +242,12 @@ def work_of(
         )
         for number, start in enumerate(starts)
     }
-    return Work(ShardedRun(settings, len(every), tuple(tasks)), tasks)
+    return shards.Work(shards.ShardedRun(settings, len(every), tuple(tasks)), tasks)
 
 
 def make_shard(
     generation: BulkGeneration, pipeline: MotionPipeline, rows: Sequence[PromptRow]
-) -> ShardContent:
+) -> shards.ShardContent:
     """Generates the motions of a shard."""
     problems = {row.line: generation.problem(pipeline, row) for row in rows}
     good = [row for row in rows if not problems[row.line]]
@@ -267,19 +265,19 @@ def make_shard(
         "seed": np.array([row.seed for row in good], np.int64),
         "frames": np.array([len(motion) for motion in motions], np.int64),
     }
-    wrong = tuple(Wrong(line, problem) for line, problem in problems.items() if problem)
+    wrong = tuple(shards.Wrong(line, problem) for line, problem in problems.items() if problem)
     if generation.format in ONE_EACH:
         files = dict(
             _file_of(generation, *row_and_motion)
             for row_and_motion in zip(good, motions, strict=True)
         )
-        return ShardContent(_table(files, good, motions), len(good), wrong, files)
+        return shards.ShardContent(_table(files, good, motions), len(good), wrong, files)
     none = np.zeros((0, len(space.skeleton), 3), np.float32)
     joints = np.concatenate([none, *(motion.joints for motion in motions)])
     # One entry only, since several are written in any order.
     plain = json.dumps({**about, "prompts": [row.prompt for row in good]}, ensure_ascii=False)
     content = save({"joints": joints, **columns}, {"latentmotion": plain})
-    return ShardContent(content, len(good), wrong)
+    return shards.ShardContent(content, len(good), wrong)
 
 
 def _file_of(generation: BulkGeneration, row: PromptRow, motion: Motion) -> tuple[str, bytes]:

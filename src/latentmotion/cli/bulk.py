@@ -10,8 +10,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from latentmotion.bulk import ROWS, BulkGeneration, Format, work_of
-from latentmotion.cli import options
-from latentmotion.cli.loading import load_generator
+from latentmotion.cli import loading, options
 from latentmotion.errors import InputError
 from latentmotion.formats import EngineName
 from latentmotion.model.card import DEFAULT
@@ -89,7 +88,7 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
         opening = (self.runtime, self.threads, self.text_encoder, self.execution)
         shared = {f.name for f in fields(BulkGeneration)} & {f.name for f in fields(self)}
         settings = {name: getattr(self, name) for name in shared}
-        pipeline = load_generator(self.model, *opening)
+        pipeline = loading.load_generator(self.model, *opening)
         generation = BulkGeneration(options=opening, **settings)
         work = work_of(generation, pipeline, self.prompts, self.seed, self.rows)
         if self.check:

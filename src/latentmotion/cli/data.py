@@ -18,12 +18,9 @@ from tyro.conf import Positional, arg
 from latentmotion import __version__
 from latentmotion.cli import options
 from latentmotion.cli.motions import write_draft
-from latentmotion.data import pack_file, packing
+from latentmotion.data import inspection, instructions, pack_file, packing, prepare
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.inspection import inspect_folder
-from latentmotion.data.instructions import refused_captions
-from latentmotion.data.prepare import Preparation, encode_all, merge
 from latentmotion.data.recording import Dropped, EncodedRecording, FileGroup
 from latentmotion.data.report import PreparationReport, parts_of
 from latentmotion.data.sources import actor, cmu, hdm05, humanml3d, snu
@@ -33,15 +30,10 @@ from latentmotion.data.store import MANIFEST, StoredNormalizer
 from latentmotion.errors import InputError, hint
 from latentmotion.plugins import plugin, plugin_names
 from latentmotion.representation import representation_named
-from latentmotion.representation.humanml3d import (
-    HANDS_FEATURES,
-    HUMANML3D_FEATURES,
-    KIT_FEATURES,
-)
+from latentmotion.representation.humanml3d import HANDS_FEATURES, HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SMPL_FEATURES
-from latentmotion.storage import shards
-from latentmotion.storage.configuration import to_json
+from latentmotion.storage import configuration, shards
 from latentmotion.storage.files import check_replaceable, sha256
 from latentmotion.storage.shards import folder_at
 from latentmotion.training.captioning import described
@@ -73,7 +65,7 @@ class _Prepare:
     ) -> None:
         """Writes the folder and prints its report."""
         check_replaceable(self.output, MANIFEST)
-        preparation = Preparation(representation)
+        preparation = prepare.Preparation(representation)
         preparation.add(recordings)
         print(preparation.write(self.output, (source,), normalizer, notes).text())
         print(f"wrote {self.output}")
@@ -106,7 +98,7 @@ class _PrepareInParts(_Prepare):
         check_replaceable(self.output, MANIFEST)
         if not self.shard:
             read = chain.from_iterable(group.read() for group in groups(None))
-            recordings = encode_all(read, representation)
+            recordings = prepare.encode_all(read, representation)
         else:
             # Another version may read the same files otherwise: what is kept beside is not its.
             versioned = {"version": __version__, **settings}
@@ -184,7 +176,7 @@ class PrepareCmu(_PrepareInParts):
     def run(self) -> None:
         """Prepares the folder and prints the report."""
         data = cmu.CmuTrials.load(self.trials, self.humanml3d)
-        tables = to_json([data.rows, data.splits, data.texts, data.exercises])
+        tables = configuration.to_json([data.rows, data.splits, data.texts, data.exercises])
         digest = hashlib.sha256(json.dumps(tables).encode()).hexdigest()
         settings = {"source": "cmu", "uncaptioned": self.uncaptioned, "annotations": digest}
         notes = (
@@ -217,7 +209,7 @@ class PrepareSnu(_Prepare):
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        recordings = encode_all(snu.snu_recordings(self.folder), HUMANML3D_FEATURES)
+        recordings = prepare.encode_all(snu.snu_recordings(self.folder), HUMANML3D_FEATURES)
         self._write(HUMANML3D_FEATURES, snu.SNU, recordings)
 
 
@@ -335,7 +327,7 @@ class PreparePlugin(_Prepare):
         if missing := [name for name in ("SOURCE", "recordings") if not hasattr(source, name)]:
             raise InputError(f"the data source {self.source!r} lacks {' and '.join(missing)}")
         representation = representation_named(self.representation)
-        recordings = encode_all(source.recordings(self.folder), representation)
+        recordings = prepare.encode_all(source.recordings(self.folder), representation)
         self._write(representation, source.SOURCE, recordings)
 
 
@@ -349,7 +341,7 @@ class Merge(_Prepare):
     def run(self) -> None:
         """Merges the folders and prints the report."""
         check_replaceable(self.output, MANIFEST)
-        print(merge(self.folders, self.output).text())
+        print(prepare.merge(self.folders, self.output).text())
         print(f"wrote {self.output}")
 
 
@@ -406,7 +398,7 @@ class CheckData:
 
     def run(self) -> None:
         """Prints what was found."""
-        print("\n".join(inspect_folder(self.folder)))
+        print("\n".join(inspection.inspect_folder(self.folder)))
 
 
 @dataclass(frozen=True)
@@ -440,7 +432,7 @@ class Compose:
         check_replaceable(self.output, MANIFEST)
         dataset = Dataset.load(self.folder)
         composed = compose(dataset, Composition(self.count, self.seed))
-        preparation = Preparation(dataset.representation)
+        preparation = prepare.Preparation(dataset.representation)
         preparation.motions.extend(composed.motions)
         left_out = ", ".join(f"{count} {why}" for why, count in composed.refused.most_common())
         note = f"{len(composed.motions)} sequences composed; refused: {left_out or 'none'}"
@@ -486,11 +478,7 @@ class Describe(options.ReadingOptions):
             reason = f"{self.folder} is no prepared data"
             names = ("edit", "windows", "sentences", "rewordings")
             options.refuse_unused(self, reason, *names)
-            motions = OwnMotions(
-                self.folder,
-                Source("own", "unknown", ""),
-                stated=self.stated(),
-            )
+            motions = OwnMotions(self.folder, Source("own", "unknown", ""), stated=self.stated())
             self.write_csv(described.describe_files(motions, self.seed, self.check, self.names))
             return
         reason = f"{self.folder} is prepared data"
@@ -502,7 +490,9 @@ class Describe(options.ReadingOptions):
         if self.output.suffix.lower() == ".csv":
             raise InputError(f"{self.output}: a prepared folder becomes one; add --edit for a CSV")
         check_replaceable(self.output, MANIFEST)
-        report = described.describe_folder(self.folder, self.output, *settings, refused_captions())
+        report = described.describe_folder(
+            self.folder, self.output, *settings, instructions.refused_captions()
+        )
         print(report.text() if self.check else report.table())
         print(f"wrote {self.output}")
 

@@ -12,8 +12,7 @@ from latentmotion import formats
 from latentmotion.cleanup.pipeline import Changes
 from latentmotion.cli import options
 from latentmotion.cli.motions import print_changes
-from latentmotion.control import edit
-from latentmotion.control.fit_keypoints import fit_motion
+from latentmotion.control import edit, fit_keypoints
 from latentmotion.errors import InputError
 from latentmotion.formats.keypoints import ENDINGS, KeypointOptions, read_keypoints
 from latentmotion.model.card import DEFAULT
@@ -202,7 +201,7 @@ class FitKeypoints(_Directed):
         else:
             reason, names = f"{self.file} has points in a picture", ("unit", "up")
         options.refuse_unused(self, reason, *names)
-        fitted = fit_motion(pipeline, keypoints, noise=self.noise)
+        fitted = fit_keypoints.fit_motion(pipeline, keypoints, noise=self.noise)
         motion = fitted.cleaned() if self.clean else fitted
         fit = motion.metadata["fit"]
         print(

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from tyro.conf import Positional, arg
 
-from latentmotion.cli import options
-from latentmotion.cli.loading import load_generator, located
+from latentmotion.cli import loading, options
 from latentmotion.data import instructions as held_out
 from latentmotion.data.clip import Split
 from latentmotion.data.dataset import Dataset
@@ -26,9 +25,7 @@ from latentmotion.evaluation.instructions.benchmark import instructions, write_p
 from latentmotion.evaluation.protocol import PROTOCOLS, Protocol
 from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import CARD_FILE, find_model, read_card
-from latentmotion.storage import shards
-from latentmotion.storage.configuration import to_json
-from latentmotion.storage.files import check_replaceable
+from latentmotion.storage import configuration, files, shards
 from latentmotion.storage.shards import ShardSubset, folder_at
 from latentmotion.training import checking
 
@@ -150,7 +147,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         from latentmotion.networks.backend import text_encoder_named
 
         if self.output is not None:
-            check_replaceable(self.output, REPORT_FILE)
+            files.check_replaceable(self.output, REPORT_FILE)
         folder, dataset = find_model(model), Dataset.load(data)
         evaluator = load_evaluator(self.evaluator) if self.evaluator else None
         if self.body is not None:
@@ -185,7 +182,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         if self.card:
             card = read_card(folder)
             figures = {**card.figures, "evaluation": card_figures(report)}
-            replace(card, figures=to_json(figures)).write(folder)
+            replace(card, figures=configuration.to_json(figures)).write(folder)
             print(f"\nwrote the figures into {folder / 'model.json'}")
 
     def changed_protocol(self) -> Protocol:
@@ -222,14 +219,16 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
             if card.vae.has_weights
         ]
         if self.prior:
-            prior = torch_prior(folder, located(self.execution))
+            prior = torch_prior(folder, loading.located(self.execution))
             return [candidates.Prior(prior, weights), *rebuilt]
         if card.denoiser is None and not rebuilt:
             raise ModelError(f"{folder} has neither a denoiser nor a VAE to measure")
         if card.denoiser is None:
             options.refuse_unused(self, f"{folder} has no denoiser", *_SAMPLING)
             return rebuilt
-        generator = load_generator(folder, text_encoder=self.text_encoder, execution=self.execution)
+        generator = loading.load_generator(
+            folder, text_encoder=self.text_encoder, execution=self.execution
+        )
         sampling = generator.card.sampling.but(self.steps, self.guidance, self.sampler)
         return [candidates.Generated(generator, sampling, weights), *rebuilt]
 
@@ -242,7 +241,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
             print(f"wrote {self.prompts}: {len(instructions())} prompts")
             return
         if self.output is not None:
-            check_replaceable(self.output, benchmark.REPORT_FILE)
+            files.check_replaceable(self.output, benchmark.REPORT_FILE)
         if self.card and self.model is None:
             raise InputError("--card is for a model; name one instead of --joints")
         claims = benchmark.claims_of(Dataset.load(self.data), self.split) if self.data else []
@@ -272,7 +271,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         """Returns the model's name, the settings, and its motions for the instructions."""
         if self.model is None:
             raise InputError("MODEL is missing; name one, or a folder of joints by --joints")
-        generator = load_generator(
+        generator = loading.load_generator(
             self.model, text_encoder=self.text_encoder, execution=self.execution
         )
         card = generator.card

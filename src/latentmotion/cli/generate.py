@@ -12,8 +12,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp, clean_batch
-from latentmotion.cli import options
-from latentmotion.cli.loading import load_generator, load_prior
+from latentmotion.cli import loading, options
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import check_fps
 from latentmotion.model.card import DEFAULT, find_or_download, read_card
@@ -21,8 +20,7 @@ from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
 from latentmotion.ranking.best import usual_takes
-from latentmotion.storage.files import cache_folder, read_lines
-from latentmotion.storage.reading import read_text
+from latentmotion.storage import files, reading
 
 if TYPE_CHECKING:
     from latentmotion.condition import TextEncoder
@@ -235,10 +233,10 @@ class Generate:
             return []
         # All lines are checked before the first motion: a mistake in line 900 is told at once, and
         # costs that line alone.
-        read_lines(self.file, "prompt")  # raises an error where there are none
+        files.read_lines(self.file, "prompt")  # raises an error where there are none
         card = read_card(find_or_download(self.model))
         lines = []
-        for number, line in enumerate(map(str.strip, read_text(self.file).splitlines()), 1):
+        for number, line in enumerate(map(str.strip, reading.read_text(self.file).splitlines()), 1):
             problem = None
             try:
                 card.condition.check_prompt(line, card.name)
@@ -342,13 +340,13 @@ class Generate:
             body = representation_of(load_smpl(execution.body))
         steps, threads = self.clean_up.steps(), execution.threads
         if sampling.prior:
-            prior = load_prior(self.model, execution.runtime, threads, computing)
+            prior = loading.load_prior(self.model, execution.runtime, threads, computing)
             seeds = range(self.seed or 0, (self.seed or 0) + self.count)
             motions = replace(prior, body=body).batch(self.seconds, seeds)
             return clean_batch(motions, steps) if steps else motions
-        cache = cache_folder() if execution.cache else None
+        cache = files.cache_folder() if execution.cache else None
         encoder = execution.text_encoder
-        generator = load_generator(
+        generator = loading.load_generator(
             self.model, execution.runtime, threads, encoder, computing, cache
         )
         generator = replace(generator, body=body).with_moves(*sampling.moves)
@@ -398,11 +396,7 @@ class Generate:
         return clean_batch(best, steps) if steps else best
 
     def _timelines(
-        self,
-        generator: MotionPipeline,
-        scene: Scene | None,
-        seed: int,
-        steps: CleanUp | None,
+        self, generator: MotionPipeline, scene: Scene | None, seed: int, steps: CleanUp | None
     ) -> list[Motion]:
         """Generates several prompts in one motion, as often as `--count` says."""
         from latentmotion.control.timeline import generate_timeline, parse_part_span, parse_span

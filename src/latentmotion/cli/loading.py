@@ -10,9 +10,8 @@ from pathlib import Path
 from types import ModuleType
 
 from latentmotion.cli import options
+from latentmotion.engine import prior, session
 from latentmotion.engine.backend import ON_CPU, ExecutionOptions
-from latentmotion.engine.prior import MotionPrior
-from latentmotion.engine.session import open_decoder, thread_limit
 from latentmotion.errors import InputError, MissingExtraError, ModelError
 from latentmotion.model.card import find_or_download, read_card
 from latentmotion.pipeline import MotionPipeline
@@ -70,7 +69,7 @@ def load_prior(
     runtime: options.Runtime = "auto",
     threads: int | None = None,
     execution: ExecutionOptions = ON_CPU,
-) -> MotionPrior:
+) -> prior.MotionPrior:
     """Loads a model's VAE, exported or not, to sample its prior.
 
     Raises:
@@ -80,7 +79,7 @@ def load_prior(
     folder, runtime = find_or_download(model), _runtime_for(execution, runtime)
     if runtime != "pytorch" and (folder / "decoder.onnx").is_file():
         card = read_card(folder)
-        return MotionPrior(card, open_decoder(card, folder, runtime, threads))
+        return prior.MotionPrior(card, session.open_decoder(card, folder, runtime, threads))
     return _pytorch(folder, runtime, threads).torch_prior(folder, located(execution))
 
 
@@ -114,5 +113,5 @@ def _pytorch(folder: Path, runtime: options.Runtime, threads: int | None) -> Mod
         print(f"{folder} has no graphs (latentmotion export); PyTorch runs it", file=sys.stderr)
     # Imported only here, so that exported models run without PyTorch.
     if threads is not None:
-        import_module("torch").set_num_threads(thread_limit(threads))
+        import_module("torch").set_num_threads(session.thread_limit(threads))
     return import_module("latentmotion.networks.backend")

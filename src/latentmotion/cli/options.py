@@ -111,8 +111,7 @@ TEXT_ENCODER = "starter"
 """The text encoder that training takes by default."""
 
 OptionalTextEncoder = Annotated[
-    str | None,
-    arg(help=f"Text encoder in place of the model's own: {_ENCODERS}."),
+    str | None, arg(help=f"Text encoder in place of the model's own: {_ENCODERS}.")
 ]
 
 Body = Annotated[

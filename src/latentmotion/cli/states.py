@@ -11,8 +11,7 @@ from typing import Annotated, Any
 from tyro.conf import arg
 
 from latentmotion import formats
-from latentmotion.cli import options
-from latentmotion.cli.loading import load_generator
+from latentmotion.cli import loading, options
 from latentmotion.control.direct import sliding_in_contact
 from latentmotion.control.states import generate_states, parse_state
 from latentmotion.engine.backend import ExecutionOptions
@@ -89,7 +88,7 @@ class ClipSet:
             expected = " or ".join(engines()[self.preset].endings)
             raise InputError(f"--preset {self.preset}: {output} is none of {expected}")
         computing = ExecutionOptions(options.AUTO)
-        generator = load_generator(
+        generator = loading.load_generator(
             self.model, "auto", self.threads, None, computing, cache_folder()
         )
         clips = generate_states(generator, states, self.seed, self.takes)

@@ -14,8 +14,7 @@ import torch
 
 from latentmotion.condition import TextConditioning, TextTask
 from latentmotion.convert import mld
-from latentmotion.diffusion.parametrization import Sample
-from latentmotion.diffusion.schedule import Cosine
+from latentmotion.diffusion import parametrization, schedule
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.config import DenoiserConfig, IdentityVAEConfig, Sampling
 from latentmotion.networks import checkpoint
@@ -79,8 +78,8 @@ def latent_model(weights: mld.Weights, path: Path, origin: mld.Origin) -> checkp
     terms = "as its authors say (MDM's code is MIT; the data behind it has terms of its own)"
     card = replace(
         card,
-        schedule=Cosine(origin.diffusion_steps),
-        parametrization=Sample(),
+        schedule=schedule.Cosine(origin.diffusion_steps),
+        parametrization=parametrization.Sample(),
         sampling=Sampling(origin.diffusion_steps, 2.5, "ddpm"),
         frames=_FRAMES if sentences else card.frames,
         provenance=replace(card.provenance, license=terms),

@@ -31,8 +31,7 @@ from torch import Tensor
 from latentmotion import formats
 from latentmotion.errors import ModelError
 from latentmotion.networks.transformer import LEARNED_LENGTH, sine_rate, sines
-from latentmotion.storage.array_files import check_members
-from latentmotion.storage.pickles import PYTHON_2, ForbiddenName, RestrictedUnpickler
+from latentmotion.storage import array_files, pickles
 
 # Networks that are converted, by the first part of their weights' names; all others are not.
 PARTS = ("vae", "denoiser")
@@ -112,9 +111,7 @@ def tensors_of(state: Any) -> dict[str, Tensor]:
     return tensors
 
 
-def split_parts(
-    state: Mapping[str, Tensor],
-) -> tuple[dict[str, dict[str, Tensor]], dict[str, int]]:
+def split_parts(state: Mapping[str, Tensor]) -> tuple[dict[str, dict[str, Tensor]], dict[str, int]]:
     """Returns the tensors of each of `PARTS` without that prefix, and the number of others."""
     parts = {
         part: {
@@ -177,17 +174,17 @@ def _check_old(path: Path) -> None:
         operations = (operation for _ in range(4) for operation in pickletools.genops(file))
         for opcode, argument, _ in operations:
             if opcode.name == "STACK_GLOBAL" or opcode.name.startswith("EXT"):
-                raise ForbiddenName(f"something by {opcode.name}")
+                raise pickles.ForbiddenName(f"something by {opcode.name}")
             if opcode.name not in ("GLOBAL", "INST"):
                 continue
             module, _, name = str(argument).partition(" ")
-            module = PYTHON_2.get(module, module)
+            module = pickles.PYTHON_2.get(module, module)
             try:
                 kind = allowed(module, name)
             except KeyError as error:
-                raise ForbiddenName(f"{module}.{name}") from error
+                raise pickles.ForbiddenName(f"{module}.{name}") from error
             if kind is Placeholder and name not in _OLD:
-                raise ForbiddenName(f"{module}.{name}")
+                raise pickles.ForbiddenName(f"{module}.{name}")
 
 
 # Placeholders whose own functions PyTorch calls in old files, with no sizes to choose.
@@ -216,14 +213,14 @@ def read_with_placeholders(path: Path) -> Any:
         Exception: The file is damaged, or no zip file.
     """
     with ZipFile(path) as archive:
-        check_members(path, archive.infolist())
+        array_files.check_members(path, archive.infolist())
         names = [name for name in archive.namelist() if name.endswith("/data.pkl")]
         content = archive.read(names[0])
         file = io.BytesIO(content)
         return _TensorUnpickler(file, archive, names[0].removesuffix(".pkl")).load()
 
 
-class _TensorUnpickler(RestrictedUnpickler):
+class _TensorUnpickler(pickles.RestrictedUnpickler):
     """Reads the tensors of a PyTorch file beside plain values."""
 
     def __init__(self, file: Any, archive: ZipFile | None, folder: str) -> None:

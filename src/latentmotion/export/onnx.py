@@ -451,11 +451,7 @@ def quantize(graph: Path) -> None:
     card = {entry.key: entry.value for entry in onnx.load(graph).metadata_props}
     onnx.helper.set_model_props(model, card)
     quantizer = MatMulNBitsQuantizer(
-        model,
-        bits=8,
-        block_size=BLOCK,
-        is_symmetric=True,
-        accuracy_level=_EIGHT_BIT_INPUTS,
+        model, bits=8, block_size=BLOCK, is_symmetric=True, accuracy_level=_EIGHT_BIT_INPUTS
     )
     quantizer.process()
     with atomic_file(graph) as temporary:

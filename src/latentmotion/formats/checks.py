@@ -11,8 +11,7 @@ from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError
 from latentmotion.kinematics.skeleton import Animation
-from latentmotion.storage import limits
-from latentmotion.storage.reading import read_text
+from latentmotion.storage import limits, reading
 
 
 def checked_rate(path: str | Path, fps: float, line: int | None = None) -> float:
@@ -69,7 +68,7 @@ def read_lines(path: str | Path) -> list[str]:
     Raises:
         FileFormatError: The file cannot be read, is empty or is not text.
     """
-    text = read_text(path, "latin-1")  # names of bones, which older programs wrote so
+    text = reading.read_text(path, "latin-1")  # names of bones, which older programs wrote so
     if not text.strip():
         raise FileFormatError(path, "the file is empty")
     # str.splitlines would also break at form feeds and the like, and the count would be off.

@@ -43,8 +43,7 @@ from latentmotion.kinematics.standing import rebased
 from latentmotion.motion import Motion
 from latentmotion.render.mannequin import Mannequin, make_mannequin
 from latentmotion.representation.canonical import heading
-from latentmotion.storage.configuration import from_json
-from latentmotion.storage.files import write_file
+from latentmotion.storage import configuration, files
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ def engines() -> Mapping[str, Engine]:
     """Returns the presets by name: engines, and data sets."""
     text = Path(__file__).with_name("engines.toml").read_text(encoding="utf-8")
     rows = tomllib.loads(text).items()
-    return MappingProxyType({name: from_json(Engine, row) for name, row in rows})
+    return MappingProxyType({name: configuration.from_json(Engine, row) for name, row in rows})
 
 
 def for_engine(motion: Motion, name: EngineName) -> Motion:
@@ -275,5 +274,5 @@ def _written(path: Path, name: str, **values: str) -> Path:
     template = (_TEMPLATES / name).read_text(encoding="utf-8")
     text = re.sub(r"\$([A-Z]+)\b", lambda match: values[match[1]], template)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_file(path, text)
+    files.write_file(path, text)
     return path

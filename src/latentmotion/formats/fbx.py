@@ -20,9 +20,7 @@ from latentmotion.errors import FileFormatError, InputError, MissingProgramError
 from latentmotion.formats import gltf, gltf_reader
 from latentmotion.formats.takes import SkeletonTake
 from latentmotion.motion import Motion
-from latentmotion.storage.files import atomic_file, check_writable
-from latentmotion.storage.limits import MOST_TEXT
-from latentmotion.storage.reading import read_bytes
+from latentmotion.storage import files, limits, reading
 
 # Environment variable that names Blender's program, or a Python that has `bpy`.
 VARIABLE = "LATENTMOTION_BLENDER"
@@ -85,8 +83,8 @@ def convert(write_glb: Callable[[Path], object], target: Path, fps: float) -> li
         MissingProgramError: There is no Blender.
     """
     blender = find_blender()
-    check_writable(target)
-    with _folder_for(blender, target) as folder, atomic_file(target) as temporary:
+    files.check_writable(target)
+    with _folder_for(blender, target) as folder, files.atomic_file(target) as temporary:
         write_glb(folder / "figure.glb")
         problem = _run(blender, [str(folder / "figure.glb"), str(temporary), repr(fps)], temporary)
         if problem:
@@ -105,7 +103,7 @@ def as_glb(path: str | Path) -> Iterator[Path]:
         MissingProgramError: There is no Blender; the message says how to name one.
     """
     source, blender = Path(path), find_blender()
-    if b"FBX" not in read_bytes(source, MOST_TEXT)[:4096]:
+    if b"FBX" not in reading.read_bytes(source, limits.MOST_TEXT)[:4096]:
         raise FileFormatError(source, "is no FBX file: its head does not say so")
     with _folder_for(blender, source) as folder:
         glb = folder / f"{source.stem}.glb"

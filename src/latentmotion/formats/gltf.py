@@ -15,9 +15,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.errors import InputError
-from latentmotion.formats import numbered
+from latentmotion.formats import engines, numbered
 from latentmotion.formats.bones import BoneAxes, bone_axes
-from latentmotion.formats.engines import mannequin_of
 from latentmotion.formats.gltf_document import INDICES, VERTICES, Document
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
@@ -81,7 +80,7 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = Tru
     document.json |= {
         "scenes": [{"nodes": [*figure, *range(len(nodes), len(nodes) + len(objects))]}],
         "nodes": [*nodes, *objects],
-        **(_figure(mannequin_of(skeleton), axes, document) if mesh else {}),
+        **(_figure(engines.mannequin_of(skeleton), axes, document) if mesh else {}),
         "animations": [
             _animation(motion, animation, axes, moving, turning, number, document)
             for number, (motion, animation) in enumerate(zip(motions, animated, strict=True), 1)

@@ -23,9 +23,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from latentmotion.errors import FileFormatError, InputError
-from latentmotion.storage import limits
-from latentmotion.storage.files import write_file
-from latentmotion.storage.reading import parse_json, read_bytes
+from latentmotion.storage import files, limits, reading
 
 VERTICES, INDICES = 34962, 34963  # Targets of `add_array` for the arrays of a mesh.
 
@@ -71,9 +69,9 @@ class Document:
             FileFormatError: The file, or one that it names, is damaged, missing or not glTF 2.0.
         """
         source = Path(path)
-        content = read_bytes(source)
+        content = reading.read_bytes(source)
         text, chunk = _chunks(source, content) if content[:4] == b"glTF" else (content, None)
-        parsed = parse_json(text, source)
+        parsed = reading.parse_json(text, source)
         asset = parsed.get("asset") if isinstance(parsed, dict) else None
         version = str(asset.get("version") if isinstance(asset, dict) else None)
         if not version.startswith("2."):
@@ -101,7 +99,7 @@ class Document:
                 not finite.
         """
         content = self.encoded(path)
-        write_file(path, content)
+        files.write_file(path, content)
 
     def encoded(self, path: str | Path) -> bytes:
         """Returns the content of the file that `write` would write.
@@ -266,7 +264,7 @@ class Document:
             raise ValueError(
                 f"it names {beside.name}, which cannot be read: there is no such file; copy it here"
             )
-        contents[uri] = read_bytes(beside)
+        contents[uri] = reading.read_bytes(beside)
         return contents[uri]
 
     def _values(

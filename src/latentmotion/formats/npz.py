@@ -23,8 +23,7 @@ from latentmotion.errors import FileFormatError, InputError, LatentMotionError
 from latentmotion.formats.takes import SkeletonTake, parse_notes
 from latentmotion.kinematics.skeleton import HUMANML3D, KIT, Skeleton
 from latentmotion.motion import Motion
-from latentmotion.storage import array_files
-from latentmotion.storage.reading import blamed_on
+from latentmotion.storage import array_files, reading
 
 _KEYS = frozenset(
     {"joints", "frames", "fps", "caption", "metadata", "skeleton", "names", "parents", "offsets"}
@@ -80,7 +79,7 @@ def read_motions(path: str | Path) -> list[Motion]:
     """
     arrays = array_files.read_arrays(path, _KEYS)
     try:
-        with blamed_on(path):
+        with reading.blamed_on(path):
             return _motions(path, arrays)
     except KeyError as error:
         sizes = " or ".join(map(str, _KNOWN))

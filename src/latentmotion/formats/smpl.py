@@ -59,10 +59,7 @@ from latentmotion.kinematics.rotations import (
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, Animation, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import rotations_from
-from latentmotion.storage import tensor_pickles
-from latentmotion.storage.array_files import write_arrays
-from latentmotion.storage.limits import MOST_FRAMES, MOST_NUMBER
-from latentmotion.storage.reading import blamed_on
+from latentmotion.storage import array_files, limits, reading, tensor_pickles
 
 _RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
 _JOINTS, _SMPLX_JOINTS = len(HUMANML3D), 55
@@ -165,7 +162,7 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
     is_z_up = "poses" in arrays
     keys = ("poses",) if is_z_up else ("global_orient", "body_pose")
     kinds = ValueError, TypeError, KeyError
-    with blamed_on(path, *kinds, problem="no poses of SMPL ({error})"):
+    with reading.blamed_on(path, *kinds, problem="no poses of SMPL ({error})"):
         blocks = [np.asarray(arrays[key], np.float64) for key in keys]
         poses = np.concatenate(
             [block.reshape(len(block), math.prod(block.shape[1:])) for block in blocks], axis=1
@@ -177,7 +174,9 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
     if not len(poses) or poses.shape[1] < 3 * _JOINTS or trans.shape != (len(poses), 3):
         shapes = f"found poses {poses.shape} and trans {trans.shape}"
         raise FileFormatError(path, f"{shapes}, expected (frames, 66 or more) and (frames, 3)")
-    if not ((np.abs(poses) < MOST_NUMBER).all() and (np.abs(trans) < MOST_NUMBER).all()):
+    if not (
+        (np.abs(poses) < limits.MOST_NUMBER).all() and (np.abs(trans) < limits.MOST_NUMBER).all()
+    ):
         raise FileFormatError(path, "holds NaN or infinite numbers; cut or repair them")
     axes = _Z_UP if is_z_up else np.eye(3)
     rotations = matrix_from_axis_angle(poses[:, : 3 * _JOINTS].reshape(-1, _JOINTS, 3))
@@ -188,7 +187,7 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
     caption = str(arrays["caption"]) if "caption" in arrays else ""
     if not rates:
         raise FileFormatError(path, "says no frame rate; expected mocap_framerate or fps")
-    with blamed_on(path):
+    with reading.blamed_on(path):
         return Motion(joints, rates[0], caption=caption, metadata=notes)
 
 
@@ -209,7 +208,7 @@ def motionx_take(path: str | Path, frames: Float[np.ndarray, "frames 322"]) -> S
         FileFormatError: It has no frames, or numbers that are none.
     """
     frames = np.asarray(frames, np.float64)
-    if not len(frames) or not (np.abs(frames) < MOST_NUMBER).all():
+    if not len(frames) or not (np.abs(frames) < limits.MOST_NUMBER).all():
         raise FileFormatError(path, "holds no frames, or NaN or infinite numbers; cut or repair it")
     rotations = matrix_from_axis_angle(frames[:, : 3 * _JOINTS].reshape(-1, _JOINTS, 3))
     fps = 20.0 if _AT_20 & set(Path(path).parts) else _MOTIONX_FPS
@@ -219,10 +218,7 @@ def motionx_take(path: str | Path, frames: Float[np.ndarray, "frames 322"]) -> S
 
 
 def _parameters(
-    motion: Motion,
-    axes: Float[np.ndarray, "3 3"],
-    pelvis: Float[np.ndarray, " 3"],
-    joints: int,
+    motion: Motion, axes: Float[np.ndarray, "3 3"], pelvis: Float[np.ndarray, " 3"], joints: int
 ) -> tuple[Float[np.ndarray, "frames values"], Float[np.ndarray, "frames 3"]]:
     """Returns pose parameters of so many joints, and the translation of the template in meters.
 
@@ -248,7 +244,7 @@ def _write(
     for target, motion, arrays in zip(paths, motions, layouts, strict=True):
         notes = json.dumps(dict(motion.metadata))
         arrays |= {"caption": np.array(motion.caption), "metadata": np.array(notes)}
-        write_arrays(target, arrays)
+        array_files.write_arrays(target, arrays)
     return paths
 
 
@@ -298,7 +294,7 @@ def read(path: str | Path) -> list[SkeletonTake]:
     """
     content = tensor_pickles.load(path)
     kinds = ValueError, TypeError, KeyError, IndexError, AttributeError
-    with blamed_on(path, *kinds, problem="no results of SMPL that are known ({error})"):
+    with reading.blamed_on(path, *kinds, problem="no results of SMPL that are known ({error})"):
         tracks = [_track(person, Path(path)) for person in _persons(content)]
     if not tracks:
         keys = ", ".join(map(str, list(content)[:8])) if isinstance(content, Mapping) else ""
@@ -387,7 +383,7 @@ def _track(person: Mapping[str, Any], path: Path) -> PersonTrack:
     elif parts[0] is None:
         parts = [person["pose"]]
     rotations = np.concatenate([_matrices(part) for part in parts], axis=1)
-    if len(rotations) > MOST_FRAMES or rotations.shape[1] < _JOINTS:
+    if len(rotations) > limits.MOST_FRAMES or rotations.shape[1] < _JOINTS:
         raise ValueError(f"poses of the shape {rotations.shape}")
     ids = value("frame_ids", "frame_id", "frame")
     frames = np.arange(len(rotations)) if ids is None else np.asarray(ids).reshape(-1)
@@ -404,7 +400,7 @@ def _track(person: Mapping[str, Any], path: Path) -> PersonTrack:
 def _matrices(value: Any) -> Float[np.ndarray, "frames joints 3 3"]:
     """Returns rotations that are kept as matrices or rotation vectors."""
     array = np.asarray(value, np.float64)
-    if not (np.abs(array) < MOST_NUMBER).all():
+    if not (np.abs(array) < limits.MOST_NUMBER).all():
         raise ValueError("numbers that are not finite")
     if array.ndim >= 4 and array.shape[-2:] == (3, 3):
         return array.reshape(len(array), -1, 3, 3)
@@ -425,7 +421,7 @@ def _translation(person: Mapping[str, Any], count: int) -> Float[np.ndarray, "fr
     else:
         return None
     trans = np.asarray(value, np.float64).reshape(-1, 3) / scale
-    if len(trans) != count or not (np.abs(trans) < MOST_NUMBER).all():
+    if len(trans) != count or not (np.abs(trans) < limits.MOST_NUMBER).all():
         raise ValueError(f"a path of the shape {trans.shape} for {count} poses")
     return trans
 
@@ -453,8 +449,8 @@ def _take(path: str | Path, track: PersonTrack) -> SkeletonTake:
     """Returns a take, frames filled in where the person was not seen."""
     rotations, trans, frames = track.rotations, track.trans, track.frames
     whole = np.arange(frames[0], frames[-1] + 1)
-    if len(whole) > MOST_FRAMES:
-        raise FileFormatError(path, f"a person of more than {MOST_FRAMES:,} frames")
+    if len(whole) > limits.MOST_FRAMES:
+        raise FileFormatError(path, f"a person of more than {limits.MOST_FRAMES:,} frames")
     if len(whole) > len(frames):
         lacking = (
             f"{len(whole) - len(frames)} of {len(whole)} frames in which a person was not seen"

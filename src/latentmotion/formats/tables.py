@@ -25,14 +25,12 @@ import numpy as np
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.cleanup.loops import is_loop, unrolled
 from latentmotion.errors import FileFormatError
-from latentmotion.formats import numbered
-from latentmotion.formats.checks import checked_rate, numbers, read_lines, whole_rate
+from latentmotion.formats import checks, numbered
 from latentmotion.formats.takes import OURS
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.measure.signals import spans
 from latentmotion.motion import Motion
-from latentmotion.storage.files import write_file
-from latentmotion.storage.reading import blamed_on, csv_rows
+from latentmotion.storage import files, reading
 
 _TIME = "time"
 # Frames per second of a file with a single row.
@@ -53,7 +51,7 @@ def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         # Adding zero makes 0 of the -0 that rounding leaves.
         rows = np.round(rows.astype(np.float64), 6) + 0.0
         lines += [",".join([f"{value:.6f}" for value in row]) for row in rows.tolist()]
-        write_file(target, "\n".join(lines) + "\n")
+        files.write_file(target, "\n".join(lines) + "\n")
     return paths
 
 
@@ -63,7 +61,7 @@ def read(path: str | Path) -> list[Motion]:
     Raises:
         FileFormatError: A number is missing or not finite, times are uneven, or joints unknown.
     """
-    rows = csv_rows(path, read_lines(path))
+    rows = reading.csv_rows(path, checks.read_lines(path))
     header = [name.strip() for name in rows[0]]
     skeleton = _skeleton(path, header)
     columns = [header.index(name) for name in (_TIME, *_columns(skeleton.names))]
@@ -74,22 +72,22 @@ def read(path: str | Path) -> list[Motion]:
             raise FileFormatError(path, problem, line)
         if row:
             words = [row[column].strip() for column in columns]
-            values.append(numbers(path, line, words, len(columns)))
+            values.append(checks.numbers(path, line, words, len(columns)))
     if not values:
         raise FileFormatError(path, "has a header and no frame; it is truncated", 1)
     table = np.stack(values)
     joints = table[:, 1:].reshape(len(table), len(skeleton), 3).astype("f4")
     times = table[:, 0]
     if len(times) == 1:
-        with blamed_on(path):
+        with reading.blamed_on(path):
             return [Motion(joints, _SINGLE_FPS, skeleton)]
     length = float(times[-1] - times[0])
-    fps = checked_rate(path, (len(times) - 1) / length) if length > 1e-9 else 0.0
+    fps = checks.checked_rate(path, (len(times) - 1) / length) if length > 1e-9 else 0.0
     # Steps within 1 % of their mean differ by the rounding of times only.
     if np.abs(np.diff(times) * fps - 1).max() > 0.01:
         raise FileFormatError(path, "the times of the frames are not evenly apart; resample them")
-    with blamed_on(path):
-        return [Motion(joints, whole_rate(fps), skeleton)]
+    with reading.blamed_on(path):
+        return [Motion(joints, checks.whole_rate(fps), skeleton)]
 
 
 def _columns(names: Sequence[str]) -> list[str]:
@@ -151,5 +149,5 @@ def write_events(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
         else:
             whole = {"fps": motion.fps, "seconds": motion.seconds, "events": events}
             text = json.dumps(whole, indent=1)
-        write_file(target, text + "\n")
+        files.write_file(target, text + "\n")
     return paths

@@ -9,12 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from latentmotion.errors import FileFormatError, ReadingWarning
-from latentmotion.formats.asf_amc import read_asf_amc
-from latentmotion.formats.bvh import read_bvh
-from latentmotion.kinematics import standing
-from latentmotion.kinematics.bone_names import SIDES
-from latentmotion.kinematics.humanoid import find_humanoid, fitting_map, to_humanml3d
-from latentmotion.kinematics.keypoints import grounded
+from latentmotion.formats import asf_amc, bvh
+from latentmotion.kinematics import bone_names, humanoid, keypoints, standing
 from latentmotion.kinematics.recorded import Recorded
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, KIT, Animation
 from latentmotion.motion import Motion
@@ -46,7 +42,7 @@ def read_bvh_file(path: str | Path) -> list[SkeletonTake]:
     Raises:
         FileFormatError: The file is damaged.
     """
-    return [SkeletonTake(read_bvh(path, 1.0), meters=None)]
+    return [SkeletonTake(bvh.read_bvh(path, 1.0), meters=None)]
 
 
 def read_amc_file(path: str | Path) -> list[SkeletonTake]:
@@ -55,7 +51,7 @@ def read_amc_file(path: str | Path) -> list[SkeletonTake]:
     Raises:
         FileFormatError: A file is damaged, or there is no skeleton.
     """
-    return [SkeletonTake(read_asf_amc(path))]
+    return [SkeletonTake(asf_amc.read_asf_amc(path))]
 
 
 def standing_motion(
@@ -119,9 +115,9 @@ def motion_of(take: SkeletonTake, stated: standing.Stated = standing.NOTHING) ->
     tips = animation.skeleton.end_sites
     joints_kept = [j for j in range(len(animation.skeleton)) if j not in tips]
     ours = OURS.get(tuple(animation.skeleton.names[j] for j in joints_kept))
-    joint_map = fitting_map(stated.joint_maps, animation.skeleton.names)
-    joints = to_humanml3d(animation, joint_map, take.declared)
-    body = find_humanoid(animation.skeleton, take.declared, joint_map)
+    joint_map = humanoid.fitting_map(stated.joint_maps, animation.skeleton.names)
+    joints = humanoid.to_humanml3d(animation, joint_map, take.declared)
+    body = humanoid.find_humanoid(animation.skeleton, take.declared, joint_map)
     if ours is not None and not (stated.up or take.from_video) and standing.rest_stands(body):
         # Files of ours have y up, also where somebody lies.
         stated = replace(stated, up=standing.up_at_rest(body))
@@ -132,9 +128,9 @@ def motion_of(take: SkeletonTake, stated: standing.Stated = standing.NOTHING) ->
     if take.from_video and stated.fps is None:
         guesses.append(f"{animation.fps:g} frames per second (or --fps)")
     if take.path_is_missing:
-        hips = [HUMANML3D.names.index(f"{side}_hip") for side in SIDES]
+        hips = [HUMANML3D.names.index(f"{side}_hip") for side in bone_names.SIDES]
         centered = joints - joints[:, hips].mean(axis=1, keepdims=True)
-        joints, _ = grounded(centered, HUMANML3D.names, animation.fps)
+        joints, _ = keypoints.grounded(centered, HUMANML3D.names, animation.fps)
         animation = replace(animation, root_positions=joints[:, 0])
         guesses.append("the path is what keeps standing feet in place")
     if guesses:

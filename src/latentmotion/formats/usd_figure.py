@@ -18,13 +18,10 @@ from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, LatentMotionError, MissingExtraError
 from latentmotion.formats import bones as bone_poses
-from latentmotion.formats.checks import check_filled, checked_animation
-from latentmotion.formats.usd_reader import REFUSED, UNWRITTEN
+from latentmotion.formats import checks, usd_reader
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Animation
-from latentmotion.storage.children import limit
-from latentmotion.storage.limits import MOST_JOINTS, USD_MEMORY, USD_SECONDS
-from latentmotion.storage.reading import blamed_on
+from latentmotion.storage import children, limits, reading
 
 try:
     from pxr import Tf, Usd, UsdGeom, UsdSkel
@@ -42,24 +39,27 @@ def main() -> None:
     `usd_reader` runs this as a program of its own, with limits: USD's library trusts what it reads.
     """
     source, target = Path(sys.argv[1]), Path(sys.argv[2])
-    limit("AS", USD_MEMORY + 4 * source.stat().st_size)
-    limit("CPU", USD_SECONDS)
-    limit("CORE", 0)
+    children.limit("AS", limits.USD_MEMORY + 4 * source.stat().st_size)
+    children.limit("CPU", limits.USD_SECONDS)
+    children.limit("CORE", 0)
     try:
-        with np.errstate(all="ignore"), blamed_on(source):  # results are checked to be finite
+        with (
+            np.errstate(all="ignore"),
+            reading.blamed_on(source),
+        ):  # results are checked to be finite
             arrays = _arrays(_Figure(source))
     except LatentMotionError as error:
         print(str(error).removeprefix(f"{source}: "))
-        sys.exit(REFUSED)
+        sys.exit(usd_reader.REFUSED)
     except MemoryError:
-        print(f"needs more than {USD_MEMORY >> 30} GB of memory; cut it")
-        sys.exit(REFUSED)
+        print(f"needs more than {limits.USD_MEMORY >> 30} GB of memory; cut it")
+        sys.exit(usd_reader.REFUSED)
     try:
         with target.open("wb") as file:
             np.savez(file, **arrays)
     except OSError as error:
         print(error.strerror or error)
-        sys.exit(UNWRITTEN)
+        sys.exit(usd_reader.UNWRITTEN)
 
 
 def _arrays(figure: _Figure) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def _arrays(figure: _Figure) -> dict[str, Any]:
     }
     frames = 0
     for number, take in enumerate(figure.takes):
-        animation = checked_animation(figure.path, figure.animation(take, frames))
+        animation = checks.checked_animation(figure.path, figure.animation(take, frames))
         frames += len(animation)
         text = None if take is None else take.GetPrim().GetCustomDataByKey(_NOTES)
         arrays |= {
@@ -98,8 +98,8 @@ class _Figure:
         self.joints = [] if bones is None else [str(j) for j in bones.GetJointsAttr().Get() or ()]
         if bones is None or not self.joints:
             raise FileFormatError(path, "has no skeleton; expected a figure of UsdSkel")
-        if len(self.joints) > MOST_JOINTS:
-            raise FileFormatError(path, f"has more than {MOST_JOINTS:,} joints")
+        if len(self.joints) > limits.MOST_JOINTS:
+            raise FileFormatError(path, f"has more than {limits.MOST_JOINTS:,} joints")
         topology = UsdSkel.Topology(self.joints)
         valid, why = topology.Validate()
         self.parents = tuple(topology.GetParent(joint) for joint in range(len(self.joints)))
@@ -131,7 +131,7 @@ class _Figure:
         # A single frame has no rate of its own.
         fps, seconds = bone_poses.even_rate(self.path, times, *([rate] if len(codes) == 1 else []))
         size = self.path.stat().st_size // 4
-        check_filled(self.path, frames_before + len(seconds), len(self.joints), size)
+        checks.check_filled(self.path, frames_before + len(seconds), len(self.joints), size)
         # Translations, rotations and scales of all joints relative to their parents.
         local = [np.repeat(rest[None], len(seconds), axis=0) for rest in _decomposed(self.local)]
         if take is not None:

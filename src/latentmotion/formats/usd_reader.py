@@ -23,10 +23,7 @@ from latentmotion.errors import (
 )
 from latentmotion.formats.takes import SkeletonTake
 from latentmotion.kinematics.skeleton import Animation, Skeleton
-from latentmotion.storage import children
-from latentmotion.storage.array_files import read_arrays
-from latentmotion.storage.limits import USD_SECONDS
-from latentmotion.storage.reading import parse_json
+from latentmotion.storage import array_files, children, limits, reading
 
 _PROGRAM = "latentmotion.formats.usd_figure"
 # Exit codes: the file is damaged, or the result cannot be written; a line on standard output says
@@ -50,7 +47,7 @@ def read_takes(path: str | Path) -> list[SkeletonTake]:
         moves = arrays.get(f"translations_{number}")
         animation = Animation(skeleton, arrays[f"rotations_{number}"], root, fps, moves)
         try:
-            notes = parse_json(str(arrays[f"notes_{number}"]), path)
+            notes = reading.parse_json(str(arrays[f"notes_{number}"]), path)
         except LatentMotionError:  # another program's
             notes = {}
         takes.append(SkeletonTake(animation, notes if isinstance(notes, dict) else {}))
@@ -68,13 +65,13 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
                 children.command(_PROGRAM, str(path.absolute()), str(target)),
                 env=children.environment(),
                 capture_output=True,
-                timeout=2 * USD_SECONDS,
+                timeout=2 * limits.USD_SECONDS,
                 check=False,
             )
             if not done.returncode:
-                return read_arrays(target, lambda name: True)
+                return array_files.read_arrays(target, lambda name: True)
     except subprocess.TimeoutExpired as error:
-        raise FileFormatError(path, f"not read in {2 * USD_SECONDS} s; damaged?") from error
+        raise FileFormatError(path, f"not read in {2 * limits.USD_SECONDS} s; damaged?") from error
     except OSError as error:
         raise _no_room(path, error.strerror or str(error)) from error
     if done.returncode in (REFUSED, UNWRITTEN):

@@ -176,9 +176,7 @@ class Bodies:
 
 
 def make_bodies(
-    motion: Motion,
-    frames: Sequence[int] | None = None,
-    figure: Figure = mannequin_of,
+    motion: Motion, frames: Sequence[int] | None = None, figure: Figure = mannequin_of
 ) -> Bodies:
     """Returns the body of a motion, in some frames or in all.
 

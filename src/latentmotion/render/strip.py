@@ -11,8 +11,7 @@ from jaxtyping import Float
 
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
-from latentmotion.render import Style, painter
-from latentmotion.render.mannequin import Figure, mannequin_of
+from latentmotion.render import Style, mannequin, painter
 from latentmotion.render.painter import Camera, camera_around, camera_of_all, half_front
 from latentmotion.storage.files import atomic_file
 
@@ -33,7 +32,7 @@ def write(
     style: Style = "row",
     figures: int = 9,
     width: int = WIDTH,
-    figure: Figure = mannequin_of,
+    figure: mannequin.Figure = mannequin.mannequin_of,
 ) -> list[Path]:
     """Writes a PNG with one strip for each motion, under each other.
 
@@ -72,7 +71,7 @@ def write(
     return [Path(path)]
 
 
-def _row(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
+def _row(motion: Motion, figures: int, across: int, figure: mannequin.Figure) -> Picture:
     frames = np.unique(np.linspace(0, len(motion) - 1, figures).round().astype(int)).tolist()
     bodies = painter.make_bodies(motion, frames, figure=figure)
     floor = bodies.floor
@@ -97,7 +96,7 @@ def _row(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
     return picture
 
 
-def _path(motion: Motion, figures: int, across: int, figure: Figure) -> Picture:
+def _path(motion: Motion, figures: int, across: int, figure: mannequin.Figure) -> Picture:
     # Frames at even distances along the path; where nobody walks, evenly in time.
     steps = np.linalg.norm(np.diff(motion.joints[:, 0, [0, 2]], axis=0), axis=-1)
     # 5 cm/s besides the path let time pass where nobody walks.

@@ -17,8 +17,7 @@ import numpy as np
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
-from latentmotion.render import View, painter
-from latentmotion.render.mannequin import Figure, mannequin_of
+from latentmotion.render import View, mannequin, painter
 from latentmotion.render.painter import Camera, camera_around, camera_of_all, half_front
 from latentmotion.storage.files import atomic_file
 
@@ -54,7 +53,7 @@ def write(
     motions: Sequence[Motion],
     size: int | None = None,
     view: View = "follow",
-    figure: Figure = mannequin_of,
+    figure: mannequin.Figure = mannequin.mannequin_of,
 ) -> list[Path]:
     """Writes a `.gif` or `.mp4` of one or more takes side by side.
 
@@ -110,7 +109,7 @@ def frames(
     motions: Sequence[Motion],
     size: int = SIZE,
     view: View = "follow",
-    figure: Figure = mannequin_of,
+    figure: mannequin.Figure = mannequin.mannequin_of,
 ) -> Iterator[Picture]:
     """Yields the pictures of a video, drawn on demand."""
     width = size if len(motions) == 1 else size * 3 // 8 * 2

@@ -175,9 +175,7 @@ def by_guidance(
 
 
 def latent_maps(
-    path: Path,
-    maps: Mapping[str, Float[np.ndarray, "items 2"]],
-    labels: Sequence[str],
+    path: Path, maps: Mapping[str, Float[np.ndarray, "items 2"]], labels: Sequence[str]
 ) -> None:
     """Draws t-SNE maps side by side, colored by action.
 

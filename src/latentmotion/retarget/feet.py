@@ -20,9 +20,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.arrays import unit
+from latentmotion.cleanup import leg_ik, smoothing
 from latentmotion.cleanup.contacts import ramp
-from latentmotion.cleanup.leg_ik import reach
-from latentmotion.cleanup.smoothing import upper_envelope
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.rotations import (
     matrix_between,
@@ -83,7 +82,7 @@ def ground_feet(pose: RigPose, source: SourceCharacter) -> RigPose:
         height = np.sqrt(np.maximum(longest**2 - (line[:, ::2] ** 2).sum(-1), 0))
         drop = np.maximum(drop, -line[:, 1] - height)
     drop = np.clip(drop, 0, _LOWER * pose.rig.leg)
-    drop = upper_envelope(drop, max(1, round(0.1 * source.fps)))
+    drop = smoothing.upper_envelope(drop, max(1, round(0.1 * source.fps)))
     pose = _with_ankles(pose.moved({}, pose.hips - drop[:, None] * (0, 1, 0)), goals)
     flesh = flesh_of(pose.rig)
     return pose if flesh is None else _above_floor(pose, source, goals, flesh)
@@ -95,7 +94,7 @@ def _with_ankles(pose: RigPose, goals: Mapping[str, Points]) -> RigPose:
     body = pose.rig.body
     for side, goal in goals.items():
         hip, knee, ankle = (pose.position(f"{side}_{joint}") for joint in ("hip", "knee", "ankle"))
-        new_knee, new_ankle = reach(hip, knee, ankle, goal, pose.world[:, body.pelvis, :, 2])
+        new_knee, new_ankle = leg_ik.reach(hip, knee, ankle, goal, pose.world[:, body.pelvis, :, 2])
         upper, lower = body.joints[f"{side}_hip"], body.joints[f"{side}_knee"]
         legs[upper] = matrix_between(knee - hip, new_knee - hip) @ pose.world[:, upper]
         legs[lower] = matrix_between(ankle - knee, new_ankle - new_knee) @ pose.world[:, lower]
@@ -126,10 +125,10 @@ def _above_floor(
         if max(x.max() for x in (body, hover, *feet.values())) < _CLOSE * pose.rig.leg:
             break
         goals = {
-            side: goals[side] + upper_envelope(foot, reached)[:, None] * up
+            side: goals[side] + smoothing.upper_envelope(foot, reached)[:, None] * up
             for side, foot in feet.items()
         }
-        lift = upper_envelope(body, reached) + upper_envelope(-hover, reached)
+        lift = smoothing.upper_envelope(body, reached) + smoothing.upper_envelope(-hover, reached)
         pose = _with_ankles(pose.moved({}, pose.hips + lift[:, None] * up), goals)
     return pose.moved({}, pose.hips - flesh.sole * up)
 

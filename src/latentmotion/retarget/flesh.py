@@ -117,14 +117,7 @@ def _primitive(file: GltfFile, node: int, primitive: dict[str, Any]) -> _Part | 
 # Distances from the bone's line beyond which a vertex is cloth or a weapon, as shares of a leg, or
 # of what the leg of a person as tall would be; half as much again for figures whose vertices are
 # mostly that far away. Feet and heads have none.
-_LIMITS = {
-    "thigh": 0.2,
-    "shank": 0.2,
-    "trunk": 0.35,
-    "hand": 0.25,
-    "foot": np.inf,
-    "head": np.inf,
-}
+_LIMITS = {"thigh": 0.2, "shank": 0.2, "trunk": 0.35, "hand": 0.25, "foot": np.inf, "head": np.inf}
 _STOUT, _HEIGHT = 1.5, 0.55
 
 # Directions in which the farthest points of each part are kept, evenly on a spiral.

@@ -15,10 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import unit
-from latentmotion.cleanup.contacts import ramp
-from latentmotion.cleanup.leg_ik import reach
+from latentmotion.cleanup import contacts, leg_ik, smoothing
 from latentmotion.cleanup.pipeline import CleanUpWarning
-from latentmotion.cleanup.smoothing import spread, upper_envelope
 from latentmotion.kinematics.bone_names import BEYOND_WRIST, SIDES
 from latentmotion.kinematics.humanoid import fingers_below
 from latentmotion.kinematics.rotations import (
@@ -81,7 +79,7 @@ Heights = Float[np.ndarray, " frames"]
 def _lifted(pose: RigPose, side: str, fps: float, above: Callable[[RigPose], Heights]) -> RigPose:
     """Returns the pose with a hand lifted by its arm where it is below what it may be."""
     for _ in range(2):  # the hand turns with its forearm
-        lift = upper_envelope(np.maximum(0, -above(pose)), max(1, round(0.1 * fps)))
+        lift = smoothing.upper_envelope(np.maximum(0, -above(pose)), max(1, round(0.1 * fps)))
         pose = _bent(pose, f"{side}_fingertips", lift[:, None] * np.array([0.0, 1.0, 0.0]))
     return pose
 
@@ -100,7 +98,7 @@ def _flat_on_floor(pose: RigPose, side: str, fps: float) -> RigPose:
     wrist, length = body.joints[f"{side}_wrist"], float(np.linalg.norm(rest))
     place, before = pose.joints[:, wrist], pose.world[:, wrist]
     tip = place + before @ rest
-    need = upper_envelope(np.maximum(0, -tip[:, 1]), max(1, round(0.1 * fps)))
+    need = smoothing.upper_envelope(np.maximum(0, -tip[:, 1]), max(1, round(0.1 * fps)))
     if not need.any():
         return pose
     # Fingers point ahead of somebody who stands, to the head of somebody on all fours.
@@ -111,7 +109,9 @@ def _flat_on_floor(pose: RigPose, side: str, fps: float) -> RigPose:
     along = level * np.sqrt(1 - slope**2) + slope * np.array([0.0, 1.0, 0.0])
     flat = _frame(along) @ np.swapaxes(_frame(unit(rest)), -1, -2)  # palms are down at rest
     turned = slerp(
-        quaternion_from_matrix(before), quaternion_from_matrix(flat), ramp(need, 0, length / 4)
+        quaternion_from_matrix(before),
+        quaternion_from_matrix(flat),
+        contacts.ramp(need, 0, length / 4),
     )
     change = matrix_from_quaternion(turned) @ np.swapaxes(before, -1, -2)
     below = [joint for joint in {wrist, *pose.rotations} if wrist in body.lines[joint]]
@@ -151,7 +151,7 @@ def _at_goal(pose: RigPose, goal: Mapping[str, Any], fps: float) -> RigPose:
         )
         return pose
     offsets = {frame: (place - now)[frame] for frame in range(first, end + 1)}
-    return _bent(pose, name, spread(offsets, len(now), _BLEND * fps))
+    return _bent(pose, name, smoothing.spread(offsets, len(now), _BLEND * fps))
 
 
 def _bent(pose: RigPose, name: str, offset: Points) -> RigPose:
@@ -163,7 +163,7 @@ def _bent(pose: RigPose, name: str, offset: Points) -> RigPose:
     shoulder, elbow, end = pose.joints[:, chain[0]], pose.joints[:, chain[1]], point_of(pose, name)
     middle = np.mean([pose.position(f"{other}_shoulder") for other in SIDES], axis=0)
     out = elbow - (shoulder + end) / 2 + 0.1 * (shoulder - middle)
-    bent, tip = reach(shoulder, elbow, end, end + offset, out)
+    bent, tip = leg_ik.reach(shoulder, elbow, end, end + offset, out)
     moved = np.abs(offset).max(axis=-1) > 0
     upper = matrix_between(elbow - shoulder, bent - shoulder)
     lower = matrix_between(end - elbow, tip - bent)

@@ -22,9 +22,8 @@ from jaxtyping import Bool, Float
 
 from latentmotion.cleanup.contacts import foot_contacts
 from latentmotion.errors import DataError, ReadingWarning
-from latentmotion.kinematics import standing
+from latentmotion.kinematics import draft, standing
 from latentmotion.kinematics.bone_names import OPTIONAL, REQUIRED, SIDES, JointMap
-from latentmotion.kinematics.draft import draft_map
 from latentmotion.kinematics.humanoid import Humanoid, find_humanoid, fitting_map, to_humanml3d
 from latentmotion.kinematics.skeleton import Animation, Skeleton, posed
 from latentmotion.motion import Motion
@@ -399,5 +398,5 @@ def _bones_of_joints(file: RigFile) -> tuple[dict[str, str], tuple[str, ...]]:
     except DataError:
         guesses = {}
         with suppress(DataError):  # it has no legs
-            guesses = draft_map(file.skeleton)
+            guesses = draft.draft_map(file.skeleton)
         return {ours: names[guess.joint] for ours, guess in guesses.items()}, tuple(guesses)

@@ -25,11 +25,8 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
-from latentmotion.formats import fbx, numbered
-from latentmotion.formats.bvh import continuous_euler, read_bvh, read_hierarchy, write_frames
-from latentmotion.formats.checks import read_lines
+from latentmotion.formats import bvh, checks, fbx, gltf_reader, numbered
 from latentmotion.formats.gltf_document import Document
-from latentmotion.formats.gltf_reader import GltfScene, damage
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 
@@ -100,8 +97,8 @@ class GltfFile(RigFile):
     def __init__(self, path: Path) -> None:
         self.path = path
         self.document = Document.read(path)
-        with damage(path):
-            self.scene = GltfScene(self.document, path)
+        with gltf_reader.damage(path):
+            self.scene = gltf_reader.GltfScene(self.document, path)
             self.declared = self.scene.declared()
             frames = (self.scene.rest_frame(bone) for bone in self.scene.bones)
             self.mirrored = any(np.linalg.det(linear) < 0 for _, _, linear in frames)
@@ -116,7 +113,7 @@ class GltfFile(RigFile):
         """
         if path.suffix.lower() == ".fbx":
             return fbx.convert(partial(self.write, takes=takes), path, takes[0].animation.fps)
-        with damage(self.path):
+        with gltf_reader.damage(self.path):
             document = deepcopy(self.document)
             for node, entry in self.scene.entries_at_rest():
                 document.json["nodes"][node] = entry
@@ -193,10 +190,10 @@ class BvhFile(RigFile):
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        lines = read_lines(path)
-        self.nodes, start = read_hierarchy(path, lines)
+        lines = checks.read_lines(path)
+        self.nodes, start = bvh.read_hierarchy(path, lines)
         self.head = lines[:start]
-        self.animation = read_bvh(path, 1.0)
+        self.animation = bvh.read_bvh(path, 1.0)
         self.skeleton, self.root = self.animation.skeleton, np.asarray(self.nodes[0].offset)
         self.movable = frozenset(
             joint
@@ -212,7 +209,9 @@ class BvhFile(RigFile):
             for joint, node in enumerate(self.nodes):
                 # Angles about axes that a joint does not have are left out.
                 order = node.order + "".join(axis for axis in "ZXY" if axis not in node.order)
-                degrees = np.rad2deg(continuous_euler(animation.rotations[:, joint, None], order))
+                degrees = np.rad2deg(
+                    bvh.continuous_euler(animation.rotations[:, joint, None], order)
+                )
                 angles = dict(zip(order, degrees[:, 0].T, strict=True))
                 positions = animation.root_positions
                 if joint and animation.translations is not None:
@@ -222,5 +221,5 @@ class BvhFile(RigFile):
                 for axis, kind in node.channels:
                     position = positions[:, "XYZ".index(axis)]
                     columns.append(position if kind == "position" else angles[axis])
-            write_frames(target, self.head, columns, animation.fps)
+            bvh.write_frames(target, self.head, columns, animation.fps)
         return paths

@@ -34,8 +34,7 @@ from jaxtyping import Float
 from latentmotion.cleanup.pipeline import ground_path
 from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.errors import DataError, InputError
-from latentmotion.formats import fbx, numbered
-from latentmotion.formats.bvh import write_bvh
+from latentmotion.formats import bvh, fbx, numbered
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import Humanoid, fingers_below
 from latentmotion.kinematics.rotations import (
@@ -50,11 +49,8 @@ from latentmotion.kinematics.standing import RestPose, facing_at_rest
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
 from latentmotion.render.mannequin import Mannequin
-from latentmotion.retarget.feet import align_foot, ground_feet
-from latentmotion.retarget.flesh import surface_of
-from latentmotion.retarget.hands import place_hands
+from latentmotion.retarget import feet, flesh, hands, rig_files
 from latentmotion.retarget.rig import Rig, RigPose, Rotations, SourceCharacter
-from latentmotion.retarget.rig_files import RigTake
 
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
 
@@ -92,7 +88,7 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
         return posed(rig.skeleton, facing.T @ character.world, joints, character.fps, root)
     rotations = _torso(character, rig.body) | _limbs(character, rig)
     for side in SIDES:
-        align = align_foot(rig, character, side)
+        align = feet.align_foot(rig, character, side)
         for name in (f"{side}_ankle", f"{side}_foot"):
             if name in character.body.joints and name in rig.body.joints:
                 rotations[rig.body.joints[name]] = character.rotation(name) @ align
@@ -103,7 +99,9 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
     rest = np.mean([rig.rest()[rig.body.joints[f"{side}_ankle"], 1] for side in SIDES])
     pose = RigPose(rig, rotations, scale * hips + (0, rest - standing, 0))
     goals = source.metadata.get("goals", ()) if isinstance(source, Motion) else ()
-    return place_hands(ground_feet(pose, character), character, goals).animation(character.fps)
+    return hands.place_hands(feet.ground_feet(pose, character), character, goals).animation(
+        character.fps
+    )
 
 
 class CharacterFigure:
@@ -118,7 +116,7 @@ class CharacterFigure:
     """
 
     def __init__(self, rig: Rig) -> None:
-        self._rig, self._skin = rig, surface_of(rig)
+        self._rig, self._skin = rig, flesh.surface_of(rig)
 
     def __call__(self, motion: Motion) -> tuple[Mannequin, Animation]:
         """Returns the surface and the motion on the rig."""
@@ -240,11 +238,13 @@ def write_animations(
 ) -> list[Path]:
     """Writes a rig with animations of it; see `write`."""
     if target.suffix.lower() in rig.file.endings:
-        takes = [RigTake(n, rig.in_file(a)) for n, a in zip(names, animations, strict=True)]
+        takes = [
+            rig_files.RigTake(n, rig.in_file(a)) for n, a in zip(names, animations, strict=True)
+        ]
         return rig.file.write(target, takes)
     paths = numbered(target, len(animations))
     for output, animation in zip(paths, animations, strict=True):
-        write_bvh(output, animation)
+        bvh.write_bvh(output, animation)
     return paths
 
 

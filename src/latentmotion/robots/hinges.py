@@ -208,6 +208,7 @@ class _Body:
                 (f"{side}_elbow", f"{side}_wrist"),
             )
         }
+        self.bones = [pair for pair in self.length if "ankle" not in pair[1]]  # whose ways count
 
     def _sole(self, foot: int) -> tuple[np.ndarray, np.ndarray]:
         """Returns links and points of a foot's sole: outermost of the lowest ones."""
@@ -276,12 +277,10 @@ class _Body:
 
         middle = (at["left_hip"] + at["right_hip"]) / 2
         ankles = [self.hips + scale * inside(at[f"{side}_ankle"] - middle) for side in SIDES]
-        targets = {
-            (a, b): length * inside(unit(at[b] - at[a])) for (a, b), length in self.length.items()
-        }
+        bones = [self.length[a, b] * inside(unit(at[b] - at[a])) for a, b in self.bones]
         ahead, clearance = _feet(at, pelvis[..., 0])
         axes = [inside(chest[..., 0]), inside(chest[..., 1]), *map(inside, ahead)]
-        angles, missed = self._angles(ankles, targets, axes, turn[..., 2])
+        angles, missed = self._angles([*ankles, *bones, *axes], turn[..., 2])
         rotations = np.swapaxes(turn, -1, -2)
         positions = scale * middle - rotations @ self.hips
         pose = self.forward(angles)
@@ -295,23 +294,28 @@ class _Body:
         quaternions = continuous_quaternions(quaternion_from_matrix(rotations))
         return RobotMotion(self.robot, positions, quaternions, every, fps, missed)
 
-    def _angles(
-        self,
-        ankles: list[np.ndarray],
-        wanted: dict[tuple[str, str], np.ndarray],
-        axes: list[np.ndarray],
-        up: Float[np.ndarray, "frames 3"],
-    ) -> tuple[Float[np.ndarray, "frames hinges"], float]:
-        bones = [pair for pair in wanted if "ankle" not in pair[1]]
+    @cached_property
+    def compared(self) -> Float[np.ndarray, "rows marks"]:
+        """Weights of points and, after them, vectors in what is compared: ankles, bones, axes."""
         names = list(self.points)
-        # Everything compared is a weighted sum of points and, after them, of vectors.
-        marks = [*self.points.values(), *self.vectors]
+        compared = np.zeros((2 + len(self.bones) + 4, len(names) + len(self.vectors)))
+        for row, side in enumerate(SIDES):
+            compared[row, names.index(f"{side}_ankle")] = _ANKLE
+        for row, (begin, end) in enumerate(self.bones, 2):
+            weight = _THIGH if "knee" in end else _ARM
+            compared[row, [names.index(begin), names.index(end)]] = -weight, weight
+        compared[-4:, len(names) : len(names) + 4] = _AXIS * np.eye(4)
+        return compared
+
+    def _angles(
+        self, targets: list[np.ndarray], up: Float[np.ndarray, "frames 3"]
+    ) -> tuple[Float[np.ndarray, "frames hinges"], float]:
+        """Returns the angles that bring what is compared to its targets, and the ankles' miss."""
+        marks, compared = [*self.points.values(), *self.vectors], self.compared
         links, local = np.array([link for link, _ in marks]), np.array([at for _, at in marks])
-        is_point = (np.arange(len(marks)) < len(names))[:, None].astype(float)
-        compared = _compared(bones, names, len(marks))
-        wanted_all = [*ankles, *(wanted[pair] for pair in bones), *axes]
+        is_point = (np.arange(len(marks)) < len(self.points))[:, None].astype(float)
         scales = np.abs(compared).max(axis=1)
-        goal = np.stack([k * target.T for k, target in zip(scales, wanted_all, strict=True)])
+        goal = np.stack([k * target.T for k, target in zip(scales, targets, strict=True)])
         # Only a few hinges move each row: its share of a row's slope is computed for those.
         level = np.zeros((2, len(marks)))
         level[:, -2:] = _LEVEL * np.eye(2)
@@ -336,9 +340,8 @@ class _Body:
             slope = np.cross(axis[hinges], arm, axis=1)
             columns = np.zeros((len(q), q.shape[1], 3 * len(compared) + 2))
             columns.T[3 * ahead[:, None] + np.arange(3), hinges[plain, None]] = slope[plain]
-            columns.T[2 * len(compared) + rows[~plain], hinges[~plain]] = (slope[~plain] * up).sum(
-                1
-            )
+            levels = (slope[~plain] * up).sum(1)
+            columns.T[2 * len(compared) + rows[~plain], hinges[~plain]] = levels
             gap = (compared @ now.reshape(len(marks), -1)).reshape(goal.shape) - goal
             error = gap[:2] / _ANKLE
             level = _LEVEL * (now[-2:] * up).sum(1)
@@ -358,20 +361,6 @@ class _Body:
             if np.abs(q - before).max() < _STILL:
                 break
         return q, float(np.linalg.norm(error, axis=1).mean())
-
-
-def _compared(
-    bones: list[tuple[str, str]], names: list[str], marks: int
-) -> Float[np.ndarray, "rows marks"]:
-    """Returns the weights of points and vectors in what is compared: ankles, bones, axes."""
-    compared = np.zeros((2 + len(bones) + 4, marks))
-    for row, side in enumerate(SIDES):
-        compared[row, names.index(f"{side}_ankle")] = _ANKLE
-    for row, (begin, end) in enumerate(bones, 2):
-        weight = _THIGH if "knee" in end else _ARM
-        compared[row, [names.index(begin), names.index(end)]] = -weight, weight
-    compared[-4:, len(names) : len(names) + 4] = _AXIS * np.eye(4)
-    return compared
 
 
 _body = lru_cache(8)(_Body)

@@ -12,8 +12,7 @@ from latentmotion.control.scene import FORMAT, Scene, checked
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.pipeline import RawMotion
 from latentmotion.service.batching import BatchSettings, Prompt
-from latentmotion.storage.configuration import from_json
-from latentmotion.storage.limits import MOST_GOALS, MOST_SPANS
+from latentmotion.storage import configuration, limits
 
 MOST_CHARACTERS = 500
 """Longest prompt, characters."""
@@ -132,11 +131,11 @@ class LookGoal(_TimedGoal):
 class PathGoal(RequestModel):
     """The path of the pelvis."""
 
-    points: list[tuple[Number, Number]] = Field(min_length=2, max_length=MOST_GOALS)
+    points: list[tuple[Number, Number]] = Field(min_length=2, max_length=limits.MOST_GOALS)
     """x and z of each point, meters."""
-    at: list[Number] | None = Field(None, max_length=MOST_GOALS)
+    at: list[Number] | None = Field(None, max_length=limits.MOST_GOALS)
     """Seconds at which each is passed."""
-    pace: list[Number] | None = Field(None, max_length=MOST_GOALS)
+    pace: list[Number] | None = Field(None, max_length=limits.MOST_GOALS)
     """In place of times: meters per second, one number or one for each point."""
 
 
@@ -197,12 +196,12 @@ class SceneRequest(_Sampled):
     """A motion to generate: a prompt, with goals if given, or a timeline of prompts."""
 
     prompt: Text = ""
-    goals: list[JointGoal] = Field(default_factory=list, max_length=MOST_GOALS)
-    headings: list[HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
-    looks: list[LookGoal] = Field(default_factory=list, max_length=MOST_GOALS)
+    goals: list[JointGoal] = Field(default_factory=list, max_length=limits.MOST_GOALS)
+    headings: list[HeadingGoal] = Field(default_factory=list, max_length=limits.MOST_GOALS)
+    looks: list[LookGoal] = Field(default_factory=list, max_length=limits.MOST_GOALS)
     path: PathGoal | None = None
-    timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=MOST_SPANS)
-    timeline_parts: list[PartOfTimeline] = Field(default_factory=list, max_length=MOST_SPANS)
+    timeline: list[SpanOfTimeline] = Field(default_factory=list, max_length=limits.MOST_SPANS)
+    timeline_parts: list[PartOfTimeline] = Field(default_factory=list, max_length=limits.MOST_SPANS)
     loop: bool = False
     """Whether the last frame is the first, farther along a straight path."""
 
@@ -218,7 +217,7 @@ class SceneRequest(_Sampled):
         """
         shared = {field.name for field in fields(Scene)} - {"format", "poses"}
         values = self.model_dump(include=shared)
-        return checked(from_json(Scene, {"format": FORMAT, **values}), "the request")
+        return checked(configuration.from_json(Scene, {"format": FORMAT, **values}), "the request")
 
 
 class MotionRequest(SceneRequest):

@@ -65,9 +65,7 @@ class Connection(HttpToolsProtocol):
             if len(crowd) > most + SPARE:
                 idle = [peer for peer in crowd if peer.is_idle and peer is not self]
                 last = min(
-                    idle,
-                    key=lambda peer: (peer.cycle is not None, peer.silent_since),
-                    default=self,
+                    idle, key=lambda peer: (peer.cycle is not None, peer.silent_since), default=self
                 )
                 last.transport.abort()
                 return

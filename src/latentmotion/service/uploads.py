@@ -24,9 +24,7 @@ Target = Annotated[schemas.FileFormat, Query(alias="format", description="Format
 
 _FILE = {"schema": {"type": "string", "format": "binary"}}
 # OpenAPI schema of a body that is a file.
-BINARY_BODY = {
-    "requestBody": {"required": True, "content": {"application/octet-stream": _FILE}},
-}
+BINARY_BODY = {"requestBody": {"required": True, "content": {"application/octet-stream": _FILE}}}
 
 
 def clean_up_steps(

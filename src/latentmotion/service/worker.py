@@ -30,8 +30,7 @@ from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion, animations
 from latentmotion.retarget import read_rig, transfer
 from latentmotion.retarget.rig import inspect_rig
-from latentmotion.storage.children import limit
-from latentmotion.storage.configuration import from_json
+from latentmotion.storage import children, configuration
 from latentmotion.storage.files import is_disk_full, write_file
 
 MEMORY = 1 << 32  # Largest address space of a worker, bytes (4 GiB).
@@ -46,8 +45,8 @@ _WITH_ROTATIONS = frozenset({"bvh", "glb", "vrma", "fbx", "usda", "usdc", "usdz"
 
 def main() -> None:
     """Answers until the input ends."""
-    limit("AS", MEMORY)
-    limit("FSIZE", LARGEST_FILE)
+    children.limit("AS", MEMORY)
+    children.limit("FSIZE", LARGEST_FILE)
     warnings.simplefilter("ignore")
     source, target = sys.stdin.buffer, sys.stdout.buffer
     with suppress(BrokenPipeError):  # the service has ended
@@ -115,7 +114,7 @@ def _prepared(tasks: Sequence[Reply]) -> list[list[Motion]]:
                 Motion(joints, stored["fps"], skeleton, stored["caption"], stored["metadata"])
             )
             if task["clean"]:
-                corrections.append(from_json(Corrections, stored["corrections"]))
+                corrections.append(configuration.from_json(Corrections, stored["corrections"]))
         groups.append(motions)
     together = [motion for motions in compress(groups, dirty) for motion in motions]
     clean = iter(clean_batch(together, CleanUp(), corrections))

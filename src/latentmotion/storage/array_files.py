@@ -20,8 +20,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from latentmotion.errors import FileFormatError
-from latentmotion.storage import limits
-from latentmotion.storage.files import atomic_file
+from latentmotion.storage import files, limits
 
 # Names of arrays to read, or a predicate on names.
 ArrayFilter = Callable[[str], bool] | Collection[str]
@@ -100,7 +99,7 @@ def write_arrays(path: str | Path, arrays: Mapping[str, Any]) -> None:
         InputError: The folder does not exist or cannot be written.
     """
     # NumPy adds .npz to names that end otherwise, as in capitals, so it gets an open file.
-    with atomic_file(path) as temporary, temporary.open("wb") as file:
+    with files.atomic_file(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
 

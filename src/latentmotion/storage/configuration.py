@@ -14,8 +14,7 @@ from typing import Any, TypeVar
 
 from latentmotion.errors import FileFormatError, InputError, hint
 from latentmotion.plugins import Group, plugin, plugin_names
-from latentmotion.storage.files import write_file
-from latentmotion.storage.reading import read_json_file
+from latentmotion.storage import files, reading
 
 T = TypeVar("T")
 
@@ -65,7 +64,7 @@ def from_json(cls: type[T], data: Any, where: str = "") -> T:
 
 def write_json(path: str | Path, value: Any) -> None:
     """Writes a dataclass as indented JSON."""
-    write_file(path, json.dumps(to_json(value), indent=1) + "\n")
+    files.write_file(path, json.dumps(to_json(value), indent=1) + "\n")
 
 
 def read_json(cls: type[T], path: str | Path) -> T:
@@ -88,7 +87,7 @@ def read_plain(path: str | Path) -> Any:
         InputError: The file is missing or is not JSON.
     """
     try:
-        return read_json_file(path)
+        return reading.read_json_file(path)
     except FileFormatError as error:
         raise InputError(str(error)) from error
 

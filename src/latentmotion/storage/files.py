@@ -26,8 +26,7 @@ from functools import cache
 from pathlib import Path
 
 from latentmotion.errors import DiskFullError, FileFormatError, InputError
-from latentmotion.storage.limits import STALE_SECONDS
-from latentmotion.storage.reading import read_text
+from latentmotion.storage import limits, reading
 
 
 def _failures() -> tuple[type[Exception], ...]:
@@ -218,7 +217,7 @@ def read_lines(path: str | Path, what: str) -> list[str]:
         InputError: It cannot be read as text, or has no line.
     """
     try:
-        text = read_text(path)
+        text = reading.read_text(path)
     except FileFormatError as error:
         raise InputError(f"{what}s: {error}") from error
     lines = [line.strip() for line in text.splitlines() if line.strip()]
@@ -296,7 +295,7 @@ def _is_left(entry: Path, machine: str, process: int) -> bool:
         if machine == _machine() and os.name == "posix":
             os.kill(process, 0)  # asks whether it runs
             return False
-        return time.time() - entry.stat().st_mtime > STALE_SECONDS
+        return time.time() - entry.stat().st_mtime > limits.STALE_SECONDS
     except ProcessLookupError:
         return True
     except (OSError, OverflowError):

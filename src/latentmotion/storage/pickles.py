@@ -23,8 +23,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from latentmotion.errors import FileFormatError
-from latentmotion.storage import limits
-from latentmotion.storage.reading import read_bytes
+from latentmotion.storage import limits, reading
 
 
 class StandInType:
@@ -263,7 +262,7 @@ def load(path: str | Path) -> Any:
         FileFormatError: The file is missing, damaged, no pickle, or holds anything else, which
             is named; nothing of it was run.
     """
-    content = read_bytes(path)
+    content = reading.read_bytes(path)
     program = RestrictedUnpickler(io.BytesIO(content), lambda *name: ALLOWED[name], "latin1")
     return plain_values(path, len(content), program.load)
 

@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from latentmotion.errors import DataError, InputError
-from latentmotion.storage.configuration import from_json, to_json
+from latentmotion.storage import configuration, reading
 from latentmotion.storage.files import check_writable, remove_left, write_file
-from latentmotion.storage.reading import blamed_on, parse_json, read_bytes
 
 
 def folder_at(path: str | Path, create: bool = False) -> Path:
@@ -275,7 +274,7 @@ def check(folder: Path) -> ShardManifest:
         if record.name not in there:
             problems.append(f"{record.name} is missing")
             continue
-        content = read_bytes(folder / record.name)
+        content = reading.read_bytes(folder / record.name)
         if len(content) != record.size:
             size = f"{len(content):,} bytes, expected {record.size:,}"
             problems.append(f"{record.name} has {size}")
@@ -298,13 +297,13 @@ def _record_of(name: str) -> str:
 
 
 def _packed(value: ShardedRun | Record | ShardManifest) -> bytes:
-    return (json.dumps(to_json(value), indent=1, ensure_ascii=False) + "\n").encode()
+    return (json.dumps(configuration.to_json(value), indent=1, ensure_ascii=False) + "\n").encode()
 
 
 def _read(cls: type, folder: Path, name: str) -> Any:
     path = folder / name
-    with blamed_on(path):
-        return from_json(cls, parse_json(read_bytes(path), path))
+    with reading.blamed_on(path):
+        return configuration.from_json(cls, reading.parse_json(reading.read_bytes(path), path))
 
 
 def _names(folder: Path) -> set[str]:

@@ -23,9 +23,7 @@ from zipfile import ZipFile, is_zipfile
 import numpy as np
 
 from latentmotion.errors import FileFormatError
-from latentmotion.storage import limits, pickles
-from latentmotion.storage.array_files import DAMAGE, check_members, read_header
-from latentmotion.storage.reading import blamed_on, read_bytes
+from latentmotion.storage import array_files, limits, pickles, reading
 
 # Storages of PyTorch and their types in NumPy; the types that NumPy lacks are not read.
 _TYPES = {
@@ -54,13 +52,13 @@ def load(path: str | Path) -> Any:
         FileFormatError: The file is missing, damaged, of no such kind, or names anything else;
             nothing of it was run.
     """
-    content = read_bytes(path)
+    content = reading.read_bytes(path)
     if content.startswith(b"PK") and is_zipfile(path):
         return _zipped(path)
     if content[:1] == b"\x78":  # zlib's first byte; no pickle begins with it
         most = max(limits.UNPACKED_FREE, limits.UNPACKED_FACTOR * len(content))
         unpacking = zlib.decompressobj()
-        with blamed_on(path, zlib.error, problem="packed by zlib, but damaged: {error}"):
+        with reading.blamed_on(path, zlib.error, problem="packed by zlib, but damaged: {error}"):
             content = unpacking.decompress(content, most)
         if unpacking.unconsumed_tail:
             raise FileFormatError(path, f"would unpack to more than {most:,} bytes")
@@ -71,9 +69,9 @@ def load(path: str | Path) -> Any:
 
 def _zipped(path: str | Path) -> Any:
     """Reads a file of PyTorch, or each array of an `.npz`."""
-    damage = blamed_on(path, *DAMAGE, problem="a damaged zip archive ({error})")
+    damage = reading.blamed_on(path, *array_files.DAMAGE, problem="a damaged zip archive ({error})")
     with damage, ZipFile(path) as archive:
-        check_members(path, archive.infolist())
+        array_files.check_members(path, archive.infolist())
         members = {name: archive.read(name) for name in archive.namelist()}
     program = next((name for name in members if name.endswith("/data.pkl")), None)
     if program is None:
@@ -94,7 +92,7 @@ def _zipped(path: str | Path) -> Any:
 def _objects(raw: bytes) -> Any:
     """Reads an array of NumPy's, of numbers or of objects."""
     file = io.BytesIO(raw)
-    shape, fortran, kind = read_header(file)
+    shape, fortran, kind = array_files.read_header(file)
     if kind.hasobject:
         return _Unpickler(file).load()
     return _array(pickles.StandInType(kind.str).values(file.read(), shape), shape, fortran)

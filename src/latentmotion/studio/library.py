@@ -38,9 +38,7 @@ from latentmotion.formats.content import encoded
 from latentmotion.language.words import other_forms
 from latentmotion.motion import Motion
 from latentmotion.retarget.rig import RigReport
-from latentmotion.storage.configuration import from_json
-from latentmotion.storage.files import atomic_file, is_durable, sync_names, user_folder, write_file
-from latentmotion.storage.reading import parse_json
+from latentmotion.storage import configuration, files, reading
 
 SLOWEST, FASTEST = 0.1, 10.0  # Least and greatest speed.
 
@@ -220,8 +218,8 @@ class Library:
         try:
             path = folder / "library.sqlite3"
             path.touch(mode=0o600)
-            if is_durable(path):
-                sync_names(path)
+            if files.is_durable(path):
+                files.sync_names(path)
             self._database = sqlite3.connect(
                 path, timeout=10.0, isolation_level=None, check_same_thread=False
             )
@@ -426,7 +424,7 @@ class Library:
         digest = hashlib.sha256(content).hexdigest()
         path = self._motion_file(digest)
         if not path.is_file():
-            write_file(path, content)
+            files.write_file(path, content)
         return digest
 
     def add_character(self, name: str, file: Path, bones: Mapping[str, Any]) -> Character:
@@ -441,7 +439,7 @@ class Library:
             InputError: The folder cannot be written.
         """
         character = Character(uuid4().hex, name, file.suffix[1:], bones)
-        with atomic_file(self.character_file(character)) as temporary:
+        with files.atomic_file(self.character_file(character)) as temporary:
             shutil.copyfile(file, temporary)
         with self._written() as database:
             row = character.id, name, character.ending, json.dumps(bones), 0
@@ -571,14 +569,14 @@ def _now() -> str:
 
 def default_folder() -> Path:
     """Returns the folder for this user's library, as the platform has it."""
-    folder = user_folder("XDG_DATA_HOME", ".local/share", "Library/Application Support")
+    folder = files.user_folder("XDG_DATA_HOME", ".local/share", "Library/Application Support")
     return folder / "library"
 
 
 def _character(row: sqlite3.Row) -> Character:
     """Returns the character of a row; of one that cannot be read, the bones' problem says so."""
     try:
-        bones = asdict(from_json(RigReport, _parsed(row["bones"], dict)))
+        bones = asdict(configuration.from_json(RigReport, _parsed(row["bones"], dict)))
     except (ValueError, TypeError, LatentMotionError) as error:
         problem = f"its row in library.sqlite3 cannot be read ({error})"
         bones = asdict(RigReport((), {}, (), (), problem))
@@ -592,7 +590,7 @@ def _parsed(text: str, kind: type[P]) -> P:
     Raises:
         FileFormatError: It is no JSON, or of another kind.
     """
-    value = parse_json(text, "library.sqlite3")
+    value = reading.parse_json(text, "library.sqlite3")
     if not isinstance(value, kind):
         raise FileFormatError("library.sqlite3", f"found {value!r:.40}, expected a {kind.__name__}")
     return value
@@ -601,7 +599,7 @@ def _parsed(text: str, kind: type[P]) -> P:
 @lru_cache(1024)
 def _edits(text: str) -> Edits:
     """Returns edits as the database holds them; most takes have the same."""
-    return from_json(Edits, _parsed(text, dict))
+    return configuration.from_json(Edits, _parsed(text, dict))
 
 
 def _row(take: StoredTake) -> tuple[Any, ...]:

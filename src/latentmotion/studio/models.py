@@ -21,9 +21,7 @@ from latentmotion.control.edit import PARTS
 from latentmotion.errors import InputError, ModelError, hint
 from latentmotion.model import card as cards
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.service.batching import first_prompt, with_recent_prompts
-from latentmotion.service.schemas import FileFormat, Readable
-from latentmotion.service.state import Service, about
+from latentmotion.service import batching, schemas, state
 from latentmotion.studio.library import Library
 from latentmotion.studio.making import Maker
 from latentmotion.studio.schemas import CHARACTER_FORMATS, MOST_BEST_OF, ModelChoice
@@ -65,7 +63,7 @@ class Models:
         ModelError: There is no such model, or it was not exported.
     """
 
-    service: Service
+    service: state.Service
     library: Library
     others: Sequence[str] = ()
     # Models by name, the service's first.
@@ -159,9 +157,9 @@ class Models:
                 return self._own
             if self._loaded is None or self._loaded[0] is not model:
                 self._loaded = None  # before the next is read, so that two are there at most
-                pipeline = with_recent_prompts(self.opened(model))
+                pipeline = batching.with_recent_prompts(self.opened(model))
                 shortest = pipeline.card.frames[0] / pipeline.representation.fps
-                pipeline.batch([first_prompt(pipeline).text], shortest)
+                pipeline.batch([batching.first_prompt(pipeline).text], shortest)
                 self._loaded = model, Maker(pipeline, model.weights, self.library)
             return self._loaded[1]
 
@@ -245,7 +243,7 @@ def capabilities_of(models: Models, model: StudioModel) -> dict[str, Any]:
         `version`.
     """
     pipeline = models.opened(model)
-    facts, card = about(pipeline), pipeline.card
+    facts, card = state.about(pipeline), pipeline.card
     few, usual = card.few_step, card.sampling
     least, most = few.guidance if few else (1.0, max(15.0, usual.guidance))
     kinds = ("goals", "path", "timeline", "loop", "between", "edit", "parts", "start")
@@ -259,9 +257,9 @@ def capabilities_of(models: Models, model: StudioModel) -> dict[str, Any]:
         "seconds": dict(zip(("least", "most"), facts.seconds, strict=True)),
         "parts": list(PARTS),
         "directions": pipeline.representation.skeleton.offsets.round(4).tolist(),
-        "formats": [name for name in get_args(FileFormat) if name in facts.formats],
+        "formats": [name for name in get_args(schemas.FileFormat) if name in facts.formats],
         "character_formats": CHARACTER_FORMATS,
-        "readable": get_args(Readable),
+        "readable": get_args(schemas.Readable),
         "can": {**can, "best_of": card.condition.reads_text and MOST_BEST_OF},
         "least_steps": {"timeline": 2, "loop": 2},
         "models": list(models.all),

@@ -22,9 +22,8 @@ from latentmotion.errors import InputError
 from latentmotion.formats import MEDIA_TYPES
 from latentmotion.service.state import Service, unless_gone
 from latentmotion.service.uploads import BINARY_BODY, uploaded
-from latentmotion.storage.configuration import read_plain
+from latentmotion.storage import configuration, reading
 from latentmotion.storage.files import write_file
-from latentmotion.storage.reading import parse_json
 from latentmotion.studio.library import Library, UnknownError
 from latentmotion.studio.schemas import FileName, Id, MappingChange, Project, ProjectName
 
@@ -50,7 +49,7 @@ def routes(library: Library) -> APIRouter:
     def shown(name: ProjectName) -> Project:
         """Send a project."""
         path = _file(folder, name)
-        content = read_plain(path)
+        content = configuration.read_plain(path)
         form = content.get("format", 1) if isinstance(content, dict) else 1
         if form != 1:
             raise InputError(
@@ -110,7 +109,7 @@ def write(folder: Path, name: str, project: Mapping[str, Any]) -> None:
         content = text.encode()
     except (ValueError, RecursionError) as error:  # NaN, halves of characters, deep nesting
         raise InputError(f"this project cannot be written as JSON: {error}") from error
-    parse_json(text, f"project {name!r}")  # what could not be read again is told now
+    reading.parse_json(text, f"project {name!r}")  # what could not be read again is told now
     write_file(folder / f"{name}.json", content)
 
 

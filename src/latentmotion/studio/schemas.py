@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetJsonSchemaH
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from latentmotion.service import schemas as service
+from latentmotion.storage.limits import MOST_GOALS
 from latentmotion.studio.library import ID, MOST_TITLE
 
 CHARACTER_FORMATS = ["glb", "bvh"]
@@ -67,8 +68,7 @@ FileName = Annotated[
 ]
 """Name of a file as its user calls it; it is shown and never opened."""
 Title = Annotated[
-    str,
-    _Matching(rf"[^\x00-\x1f\x7f]{{1,{MOST_TITLE}}}", f"1 to {MOST_TITLE} letters in a line"),
+    str, _Matching(rf"[^\x00-\x1f\x7f]{{1,{MOST_TITLE}}}", f"1 to {MOST_TITLE} letters in a line")
 ]
 Tag = Annotated[
     str,
@@ -116,7 +116,7 @@ class Transition(service.RequestModel):
 class Recipe(service.SceneRequest):
     """Recipe of a take: a scene, or a loop, an edit or a transition, and its sampling."""
 
-    poses: list[PoseGoal] = Field(default_factory=list, max_length=service.MOST_GOALS)
+    poses: list[PoseGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     """Whole poses."""
     start: Id | None = None
     """The take in whose last pose the motion begins."""
@@ -211,11 +211,11 @@ class Project(service.RequestModel):
     """Takes that are open."""
     timeline: list[service.SpanOfTimeline] = Field(default_factory=list, max_length=64)
     """Prompts, as in a scene."""
-    goals: list[service.JointGoal] = Field(default_factory=list, max_length=service.MOST_GOALS)
+    goals: list[service.JointGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     """Places of joints."""
-    headings: list[service.HeadingGoal] = Field(default_factory=list, max_length=service.MOST_GOALS)
+    headings: list[service.HeadingGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     """Directions of the body."""
-    poses: list[PoseGoal] = Field(default_factory=list, max_length=service.MOST_GOALS)
+    poses: list[PoseGoal] = Field(default_factory=list, max_length=MOST_GOALS)
     """Whole poses."""
     path: service.PathGoal | None = None
     """The path of the pelvis."""

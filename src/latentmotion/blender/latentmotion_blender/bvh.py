@@ -67,9 +67,7 @@ def read_take(path: Path) -> BvhTake:
     return BvhTake(names, parents, offsets, positions, rotations)
 
 
-def _hierarchy(
-    text: str,
-) -> tuple[list[str], list[int], np.ndarray, list[tuple[int, str]]]:
+def _hierarchy(text: str) -> tuple[list[str], list[int], np.ndarray, list[tuple[int, str]]]:
     names, parents, offsets, channels = [], [], [], []
     open_blocks: list[int] = []
     joint = -1

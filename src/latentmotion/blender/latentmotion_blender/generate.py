@@ -301,8 +301,7 @@ class Panel(bpy.types.Panel):
         layout.prop(settings, "model")
         target = target_of(context)
         layout.label(
-            text=f"Onto {target.name}" if target else "Onto a new mannequin",
-            icon="ARMATURE_DATA",
+            text=f"Onto {target.name}" if target else "Onto a new mannequin", icon="ARMATURE_DATA"
         )
         if GenerationTask.running is not None:
             layout.label(text="Generating ...", icon="SORTTIME")
