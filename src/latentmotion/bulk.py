@@ -12,7 +12,7 @@ import hashlib
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -267,37 +267,23 @@ def make_shard(
     }
     wrong = tuple(shards.Wrong(line, problem) for line, problem in problems.items() if problem)
     if generation.format in ONE_EACH:
-        files = dict(
-            _file_of(generation, *row_and_motion)
-            for row_and_motion in zip(good, motions, strict=True)
-        )
-        return shards.ShardContent(_table(files, good, motions), len(good), wrong, files)
+        files, table = {}, io.StringIO(newline="")
+        writer = csv.writer(table)
+        writer.writerow(["file", "line", "seed", "seconds", "prompt"])
+        for row, motion in zip(good, motions, strict=True):
+            words = "".join(c if c.isascii() and c.isalnum() else " " for c in row.prompt).split()
+            stem = "_".join([f"{row.line:07d}", *words])[:_LONGEST_NAME].rstrip("_")
+            name, seconds = f"{stem}.{generation.format}", f"{motion.seconds:g}"
+            writer.writerow([name, row.line, row.seed, seconds, row.prompt])
+            if generation.fps is not None:
+                motion = motion.resampled(generation.fps)
+            if generation.preset is not None:
+                motion = for_engine(motion, generation.preset)
+            files[name], _ = encoded([motion], generation.format)
+        return shards.ShardContent(table.getvalue().encode(), len(good), wrong, files)
     none = np.zeros((0, len(space.skeleton), 3), np.float32)
     joints = np.concatenate([none, *(motion.joints for motion in motions)])
     # One entry only, since several are written in any order.
     plain = json.dumps({**about, "prompts": [row.prompt for row in good]}, ensure_ascii=False)
     content = save({"joints": joints, **columns}, {"latentmotion": plain})
     return shards.ShardContent(content, len(good), wrong)
-
-
-def _file_of(generation: BulkGeneration, row: PromptRow, motion: Motion) -> tuple[str, bytes]:
-    """Returns the name and the content of a motion's own file."""
-    if generation.fps is not None:
-        motion = motion.resampled(generation.fps)
-    if generation.preset is not None:
-        motion = for_engine(motion, generation.preset)
-    words = "".join(c if c.isascii() and c.isalnum() else " " for c in row.prompt).split()
-    name = "_".join([f"{row.line:07d}", *words])[:_LONGEST_NAME].rstrip("_")
-    return f"{name}.{generation.format}", encoded([motion], generation.format)[0]
-
-
-def _table(
-    files: Mapping[str, bytes], rows: Sequence[PromptRow], motions: Sequence[Motion]
-) -> bytes:
-    """Returns which file has which row, as CSV."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(["file", "line", "seed", "seconds", "prompt"])
-    for file, row, motion in zip(files, rows, motions, strict=True):
-        writer.writerow([file, row.line, row.seed, f"{motion.seconds:g}", row.prompt])
-    return text.getvalue().encode()

@@ -274,22 +274,20 @@ class Stream:
 
     def __next__(self) -> Motion:
         while isinstance(message := self._socket.recv(), str):
-            self._read(json.loads(message))
+            # What the service says of the stream, or of the piece that follows.
+            about = json.loads(message)
+            if "error" in about:
+                raise ServiceError(422, about["error"])
+            if "joints" in about:
+                names, parents = tuple(about["joints"]), tuple(about["parents"])
+                self._fps = about["fps"]
+                if names != HUMANML3D.names:
+                    self._skeleton = Skeleton("stream", names, parents, np.array(about["offsets"]))
+            else:
+                self._number, self._prompt = about["piece"], about["prompt"]
         joints = np.frombuffer(message, "<f4").reshape(-1, len(self._skeleton), 3)
         self._socket.send(json.dumps({"ack": self._number}))  # asks for one piece more
         return Motion(joints, self._fps, self._skeleton, self._prompt)
-
-    def _read(self, about: Mapping[str, Any]) -> None:
-        """Reads what the service says of the stream, or of the piece that follows."""
-        if "error" in about:
-            raise ServiceError(422, about["error"])
-        if "joints" in about:
-            names, parents = tuple(about["joints"]), tuple(about["parents"])
-            self._fps = about["fps"]
-            if names != HUMANML3D.names:
-                self._skeleton = Skeleton("stream", names, parents, np.array(about["offsets"]))
-        else:
-            self._number, self._prompt = about["piece"], about["prompt"]
 
     def say(self, prompt: str) -> None:
         """Changes what the person does, some pieces from now."""

@@ -18,7 +18,7 @@ from torch import Tensor
 from latentmotion.cli.convert import Convert
 from latentmotion.cli.main import main
 from latentmotion.convert import convert_checkpoint
-from latentmotion.convert.mld import Origin, Unstated
+from latentmotion.convert.mld import Origin
 from latentmotion.convert.reading import read_checkpoint, rename
 from latentmotion.errors import InputError, ModelError
 from latentmotion.networks.checkpoint import load_model
@@ -196,7 +196,7 @@ def test_settings_of_foreign_programs_do_not_matter(
     found = read_checkpoint(good.parent / "with.ckpt")
     assert found.keys() == state.keys()
     assert all(torch.equal(found[key], tensor) for key, tensor in state.items())
-    plain = Origin((np.zeros(5), np.ones(5)), Unstated(heads=2))
+    plain = Origin((np.zeros(5), np.ones(5)), heads=2)
     convert_checkpoint(good.parent / "with.ckpt", good.parent / "model", plain)
     assert "omegaconf" not in sys.modules
 

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from latentmotion.condition import Conditioning, SentenceCondition, TextEmbedding
 from latentmotion.convert import convert_checkpoint
-from latentmotion.convert.mld import Origin, Unstated
+from latentmotion.convert.mld import Origin
 from latentmotion.diffusion.schedule import Cosine
 from latentmotion.errors import InputError, ModelError
 from latentmotion.networks.checkpoint import load_model
@@ -62,7 +62,7 @@ def converted(tmp_path: Path, kind: str, content: object) -> Path:
     torch.save(content, tmp_path / "model000475000.pt")
     features = 5 if kind == "text" else 150
     normalizer = (np.zeros(features), np.ones(features))
-    origin = Origin(normalizer, Unstated(heads=2), diffusion_steps=50)
+    origin = Origin(normalizer, heads=2, diffusion_steps=50)
     others = convert_checkpoint(tmp_path / "model000475000.pt", tmp_path / "model", origin)
     assert others == ({"clip_model": 1} if kind == "text" else {})
     return tmp_path / "model"

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from latentmotion.cli.main import main
-from latentmotion.convert.evaluators import EvaluatorFiles, convert_evaluator, evaluator_weights
+from latentmotion.convert.evaluators import convert_evaluator, evaluator_weights
 from latentmotion.data.clip import Caption
 from latentmotion.errors import FileFormatError, InputError, ModelError
 from latentmotion.evaluation.evaluators.interface import TextMotionEvaluator, load_evaluator
@@ -38,12 +38,12 @@ def caption(text: str, tokens: str = "") -> Caption:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("evaluator")
-    files = EvaluatorFiles(
+    files = (
         write_checkpoint(place / "finest.tar"),
         write_statistics(place / "meta"),
         write_glove(place / "glove"),
     )
-    convert_evaluator(files, place / "converted")
+    convert_evaluator(*files, place / "converted")
     return place
 
 
@@ -111,7 +111,7 @@ def test_statistics_and_words_of_the_authors_load(shared: Path, tmp_path: Path) 
     np.save(tmp_path / "our_vab_data.npy", np.random.default_rng(0).normal(size=(4199, 300)))
     checkpoint = write_checkpoint(tmp_path / "finest.tar")
     statistics = shared / "data" / "t2m_evaluator_statistics"
-    convert_evaluator(EvaluatorFiles(checkpoint, statistics, tmp_path), tmp_path / "out")
+    convert_evaluator(checkpoint, statistics, tmp_path, tmp_path / "out")
     found = load_evaluator(tmp_path / "out")
     assert isinstance(found, T2MEvaluator)
     std = np.load(statistics / "t2m_std.npy").astype(np.float32)
@@ -184,13 +184,10 @@ def test_a_motion_of_other_features_or_no_movement(evaluator: T2MEvaluator) -> N
 
 
 def test_a_changed_weight_changes_the_fingerprint(folder: Path, tmp_path: Path) -> None:
-    files = EvaluatorFiles(folder / "finest.tar", folder / "meta", folder / "glove")
-    convert_evaluator(files, tmp_path / "same")
+    files = folder / "finest.tar", folder / "meta", folder / "glove"
+    convert_evaluator(*files, tmp_path / "same")
     write_checkpoint(tmp_path / "other.tar", TextMotionConfig(263, 4, 300, 8, 6, 6, 4))
-    convert_evaluator(
-        EvaluatorFiles(tmp_path / "other.tar", folder / "meta", folder / "glove"),
-        tmp_path / "other",
-    )
+    convert_evaluator(tmp_path / "other.tar", *files[1:], tmp_path / "other")
     first, same, other = (
         load_evaluator(place).fingerprint
         for place in (folder / "converted", tmp_path / "same", tmp_path / "other")
@@ -234,7 +231,7 @@ def test_another_file_is_refused(
     path = tmp_path / "finest.tar"
     torch.save(BAD_CHECKPOINTS[message], path)
     with pytest.raises(ModelError, match=message):
-        convert_evaluator(EvaluatorFiles(path, folder / "meta", folder / "glove"), tmp_path / "out")
+        convert_evaluator(path, folder / "meta", folder / "glove", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     assert not capsys.readouterr().out
 
@@ -251,15 +248,15 @@ def test_a_truncated_file_is_refused(folder: Path, tmp_path: Path) -> None:
 def test_statistics_that_do_not_fit(folder: Path, tmp_path: Path) -> None:
     write_statistics(tmp_path / "short", 251)
     for statistics, message in ((tmp_path, "neither mean.npy nor t2m_mean"), ("short", "251")):
-        files = EvaluatorFiles(folder / "finest.tar", tmp_path / statistics, folder / "glove")
+        files = folder / "finest.tar", tmp_path / statistics, folder / "glove"
         with pytest.raises(InputError, match=message):
-            convert_evaluator(files, tmp_path / "out")
+            convert_evaluator(*files, tmp_path / "out")
 
 
 def test_word_vectors_that_do_not_fit(folder: Path, tmp_path: Path) -> None:
-    files = EvaluatorFiles(folder / "finest.tar", folder / "meta", write_glove(tmp_path, width=50))
+    files = folder / "finest.tar", folder / "meta", write_glove(tmp_path, width=50)
     with pytest.raises(InputError, match="50 numbers, the evaluator reads 300"):
-        convert_evaluator(files, tmp_path / "out")
+        convert_evaluator(*files, tmp_path / "out")
 
 
 def test_bad_glove_folders(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from latentmotion.condition import Conditioning, TextTask
 from latentmotion.convert import convert_checkpoint
-from latentmotion.convert.mld import Origin, Unstated
+from latentmotion.convert.mld import Origin
 from latentmotion.errors import ModelError
 from latentmotion.model.config import Sampling
 from latentmotion.networks.checkpoint import LatentModel, load_model
@@ -118,7 +118,7 @@ def theirs() -> Theirs:
 def convert(state: dict[str, Tensor], folder: Path, **unstated: str) -> LatentModel:
     torch.save({"state_dict": state}, folder / "mld_humanml.ckpt")
     plain = np.zeros(FEATURES, np.float32), np.ones(FEATURES, np.float32)
-    origin = Origin(plain, Unstated(heads=HEADS, **unstated))  # type: ignore[arg-type]
+    origin = Origin(plain, heads=HEADS, **unstated)  # type: ignore[arg-type]
     convert_checkpoint(folder / "mld_humanml.ckpt", folder / "model", origin)
     return load_model(folder / "model")
 

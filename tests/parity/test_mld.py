@@ -16,7 +16,7 @@ from torch import Tensor
 
 from latentmotion.condition import Conditioning, TextEmbedding, TextEncoder
 from latentmotion.convert import convert_checkpoint
-from latentmotion.convert.mld import Origin, Unstated
+from latentmotion.convert.mld import Origin
 from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.samplers import DDIM, sample
 from latentmotion.errors import InputError
@@ -141,7 +141,7 @@ class Variants:
     def load(self, name: str, **unstated: Any) -> FirstStageModel:
         torch.save({"state_dict": self.state(name)}, self.out / f"{name}.ckpt")
         frames = "novae" in name or not name.startswith("den")
-        origin = Origin(plain_normalizer(19 if frames else 32), Unstated(heads=2, **unstated))
+        origin = Origin(plain_normalizer(19 if frames else 32), heads=2, **unstated)
         convert_checkpoint(self.out / f"{name}.ckpt", self.out / name, origin)
         return load_stages(self.out / name)
 
@@ -215,7 +215,7 @@ def test_a_whole_action_file_generates_by_label(variants: Variants) -> None:
     state = variants.state("actor_vae") | variants.state("den_action")
     smpl = {"rot2xyz.smpl_model.v_template": torch.zeros(6890, 3)}
     torch.save({"state_dict": state | smpl, "epoch": 1}, variants.out / "action.ckpt")
-    origin = Origin(plain_normalizer(19), Unstated(heads=2))
+    origin = Origin(plain_normalizer(19), heads=2)
     others = convert_checkpoint(variants.out / "action.ckpt", variants.out / "action", origin)
     assert others == {"rot2xyz": 1}
     model = load_model(variants.out / "action")
@@ -232,7 +232,7 @@ def test_a_whole_action_file_generates_by_label(variants: Variants) -> None:
 def test_an_action_file_with_other_labels(variants: Variants) -> None:
     torch.save({"state_dict": variants.state("den_action")}, variants.out / "labels.ckpt")
     for labels, message in ((("a", "b"), "2 labels for a checkpoint of 12"), ((), "")):
-        origin = Origin(plain_normalizer(32), Unstated(heads=2), labels=labels)
+        origin = Origin(plain_normalizer(32), heads=2, labels=labels)
         if message:
             with pytest.raises(InputError, match=message):
                 convert_checkpoint(variants.out / "labels.ckpt", variants.out / "labels", origin)

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from latentmotion.condition import Conditioning
 from latentmotion.convert import reading
-from latentmotion.convert.mld import Unstated, load_denoiser, load_vae
+from latentmotion.convert.mld import Origin, load_denoiser, load_vae
 from latentmotion.diffusion.parametrization import Epsilon, Sample
 from latentmotion.networks.vae.interface import vae_losses
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
@@ -255,7 +255,7 @@ def test_a_step_of_stage_1() -> None:
     }
     total = losses["features"] + losses["joints"] + 1e-4 * losses["kl"]
 
-    network, _ = load_vae(weights, Unstated(dropout=0.0), "drawn")
+    network, _ = load_vae(weights, Origin(dropout=0.0), "drawn")
     experiment = preset_named("mld_humanml3d")
     objective = replace(experiment.vae_objective, padded_means=True)
     found, gradients, before = step_taken(
@@ -292,7 +292,7 @@ def test_a_step_of_stage_2(predicts: str) -> None:
     target = epsilon if predicts == "epsilon" else latents
     total = (Plain(author).denoiser(noisy, t.double(), text.double()) - target).square().mean()
 
-    network, _ = load_denoiser(weights, Unstated(dropout=0.0), "drawn")
+    network, _ = load_denoiser(weights, Origin(dropout=0.0), "drawn")
     objective = DenoiserObjective(parametrization=Epsilon() if predicts == "epsilon" else Sample())
     always = torch.ones(4, 1, dtype=torch.bool)
     condition = Conditioning(text, always)

@@ -63,19 +63,16 @@ class Convert:
                 arrays += [] if path is None else [read_array(path)]
             except FileFormatError as error:
                 raise InputError(f"{error}; not a readable .npy file") from error
-        unstated = mld.Unstated(
+        origin = mld.Origin(
+            (arrays[0], arrays[1]) if arrays else None,
             heads=self.heads,
             activation=self.activation,
             norm=self.norm,
             text_activation=self.text_activation,
-        )
-        origin = mld.Origin(
-            (arrays[0], arrays[1]) if arrays else None,
-            unstated,
-            self.predicts,
-            self.text_encoder,
-            self.labels,
-            self.diffusion_steps,
+            predicts=self.predicts,
+            text_encoder=self.text_encoder,
+            labels=self.labels,
+            diffusion_steps=self.diffusion_steps,
         )
         others = convert_checkpoint(self.file, self.output, origin)
         kinds = {
@@ -136,6 +133,5 @@ class ConvertEvaluator:
                 f"{self.file} holds a T2M evaluator, which needs --statistics (its own mean.npy "
                 "and std.npy) and --glove (its word vectors)"
             )
-        files = evaluators.EvaluatorFiles(self.file, self.statistics, self.glove)
-        evaluators.convert_evaluator(files, self.output)
+        evaluators.convert_evaluator(self.file, self.statistics, self.glove, self.output)
         print(f"wrote {self.output}: evaluator of text and motion")

@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from latentmotion import formats
 from latentmotion.cleanup.pipeline import Changes
 from latentmotion.cli import options
 from latentmotion.cli.motions import print_changes
@@ -26,7 +25,6 @@ Layout = Literal[
     *("humanml3d", "coco_17", "coco_18", "coco_133", "body_25", "halpe_26", "halpe_136"),
     *("h36m", "mediapipe_33"),
 ]
-_MOTION = f"Motion file: {' '.join(formats.READABLE)}."
 _KEYPOINTS = f"Keypoints: {' '.join(ENDINGS)}, or a folder with a .json for each frame."
 
 
@@ -73,7 +71,7 @@ class EditMotion(_Filling):
     Example: latentmotion edit walk.npz "a person jumps" --between 1.2 2.4 -o jump.bvh
     """
 
-    file: Annotated[Positional[Path], arg(metavar="FILE", help=_MOTION)]
+    file: Annotated[Positional[Path], arg(metavar="FILE", help=options.MOTION_FILE)]
     prompt: Annotated[Positional[str], arg(metavar="PROMPT")]
     """What the person does in that part."""
     between: tuple[float, float]
@@ -104,8 +102,8 @@ class Between(_Filling):
     Example: latentmotion between walk.npz sit.npz --seconds 1.5 -o walk_and_sit.bvh
     """
 
-    start: Annotated[Positional[Path], arg(metavar="START", help=_MOTION)]
-    end: Annotated[Positional[Path], arg(metavar="END", help=_MOTION)]
+    start: Annotated[Positional[Path], arg(metavar="START", help=options.MOTION_FILE)]
+    end: Annotated[Positional[Path], arg(metavar="END", help=options.MOTION_FILE)]
     seconds: float = 1.0
     """How long the way from the last frame of the first to the first of the second takes."""
     prompt: str = edit.ON_THE_WAY

@@ -25,8 +25,6 @@ from latentmotion.retarget import Rig, read_rig, transfer
 from latentmotion.retarget.rig_files import open_rig
 from latentmotion.storage.files import check_writable
 
-_INPUT = f"Motion file: {' '.join(formats.READABLE)}."
-
 
 @dataclass(frozen=True)
 class Clean(options.MotionOptions):
@@ -37,7 +35,7 @@ class Clean(options.MotionOptions):
     Example: latentmotion clean walk.npz -o walk.bvh --no-smooth
     """
 
-    file: Annotated[options.File, arg(help=_INPUT)]
+    file: Annotated[options.File, arg(help=options.MOTION_FILE)]
     output: options.Outputs
     """Files to write; the extension selects the format."""
     skeleton: Literal["own", "ours"] = "own"

@@ -24,6 +24,9 @@ from latentmotion.storage.files import check_writable
 if TYPE_CHECKING:
     from latentmotion.storage.shards import ShardSubset
 
+# Help text of one file of motions to read.
+MOTION_FILE = f"Motion file: {' '.join(formats.READABLE)}."
+
 Output = Annotated[Path, arg(aliases=["-o"])]
 """File or folder to write; the verb says which."""
 

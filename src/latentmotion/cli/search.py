@@ -86,7 +86,7 @@ class Nearest(options.MotionOptions):
     Example: latentmotion nearest walk.bvh -n 5
     """
 
-    motion: Annotated[Positional[Path], arg(metavar="MOTION", help=f"Motion file: {_FILES}.")]
+    motion: Annotated[Positional[Path], arg(metavar="MOTION", help=options.MOTION_FILE)]
     count: Annotated[int, arg(aliases=["-n"])] = 5
     """Clips to print for each motion."""
     data: options.OptionalData = None

@@ -23,8 +23,6 @@ from latentmotion.retrieval.index import ClipIndex, index_file, joined
 from latentmotion.retrieval.teach import ShownClip, build_index, shown_clips, thinned
 from latentmotion.storage.files import check_writable
 
-_MOTION = f"Motion file: {' '.join(formats.READABLE)}."
-
 
 @dataclass(frozen=True)
 class Teach:
@@ -37,7 +35,7 @@ class Teach:
     Example: latentmotion teach my_data -o my_moves, for all training clips of prepared data
     """
 
-    file: Annotated[Positional[Path], arg(metavar="CLIP", help=_MOTION)]
+    file: Annotated[Positional[Path], arg(metavar="CLIP", help=options.MOTION_FILE)]
     sentences: Annotated[Positional[tuple[str, ...]], arg(metavar="SENTENCES")] = ()
     """What the person in the clip does, in one or several wordings; prepared data has captions."""
     wordings: tuple[Path, ...] = ()

@@ -12,7 +12,6 @@ alone.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -49,49 +48,48 @@ _CONTACTS = 4
 _KNOWN = {263: ("humanml3d", "t2m"), 251: ("kit", "kit")}
 
 
-@dataclass(frozen=True)
-class EvaluatorFiles:
-    """The files of an official evaluator."""
-
-    checkpoint: Path  # `text_mot_match/model/finest.tar`, or a checkpoint of MLD's code.
-    # Folder with mean.npy and std.npy (`Comp_v6_KLD01/meta`), or t2m_mean.npy and so on.
-    statistics: Path
-    glove: Path  # Folder with our_vab_data.npy, our_vab_words.pkl and our_vab_idx.pkl.
-
-
-def convert_evaluator(files: EvaluatorFiles, output: str | Path) -> text_motion.TextMotionCard:
+def convert_evaluator(
+    checkpoint: Path, statistics: Path, glove: Path, output: str | Path
+) -> text_motion.TextMotionCard:
     """Converts the authors' evaluator; writes the whole folder or nothing, returns its card.
+
+    Args:
+        checkpoint: `text_mot_match/model/finest.tar`, or a checkpoint of MLD's code.
+        statistics: Folder with mean.npy and std.npy (`Comp_v6_KLD01/meta`), or t2m_mean.npy and
+            so on.
+        glove: Folder with our_vab_data.npy, our_vab_words.pkl and our_vab_idx.pkl.
+        output: Folder to write.
 
     Raises:
         ModelError: A file is missing, cannot be opened safely, or is not of their evaluator.
         FileFormatError: The word vectors or statistics are damaged.
         InputError: Statistics or word vectors do not fit the networks.
     """
-    weights = evaluator_weights(files.checkpoint)
-    config = evaluator_config(weights, files.checkpoint)
-    check_sizes(config.build, weights, str(files.checkpoint))
+    weights = evaluator_weights(checkpoint)
+    config = evaluator_config(weights, checkpoint)
+    check_sizes(config.build, weights, str(checkpoint))
     networks, features = config.build(), config.features
-    load_weights(networks, weights, str(files.checkpoint))
-    vectors = read_glove(files.glove)
+    load_weights(networks, weights, str(checkpoint))
+    vectors = read_glove(glove)
     if vectors.width != config.word_width:
         raise InputError(
-            f"{files.glove} has vectors of {vectors.width} numbers, the evaluator reads "
+            f"{glove} has vectors of {vectors.width} numbers, the evaluator reads "
             f"{config.word_width}"
         )
     card = text_motion.TextMotionCard(
-        name=files.checkpoint.stem,
+        name=checkpoint.stem,
         representation=_KNOWN[config.features][0],
         networks=config,
         words=vectors.name,
         vocabulary=vectors.words,
         provenance=Provenance(
-            data_hashes={files.checkpoint.name: sha256(files.checkpoint)},
+            data_hashes={checkpoint.name: sha256(checkpoint)},
             license="as its authors say (the T2M code is MIT; the data behind it has terms of its "
             "own)",
-            commands=(f"latentmotion convert evaluator {files.checkpoint.name}",),
+            commands=(f"latentmotion convert evaluator {checkpoint.name}",),
         ),
     )
-    mean, std = (read_statistic(files.statistics, name, features) for name in ("mean", "std"))
+    mean, std = (read_statistic(statistics, name, features) for name in ("mean", "std"))
     normalizer = Normalizer(mean, std)
     text_motion.save_text_motion(
         output, text_motion.T2MEvaluator(card, networks, normalizer, vectors)

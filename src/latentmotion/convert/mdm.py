@@ -49,8 +49,8 @@ def latent_model(weights: mld.Weights, path: Path, origin: mld.Origin) -> checkp
             missing or of another shape.
         InputError: The normalizer is missing or does not fit, or a setting is not MDM's.
     """
-    unstated = replace(mld.Unstated(), heads=origin.unstated.heads, dropout=origin.unstated.dropout)
-    if origin.unstated != unstated or origin.predicts != mld.Origin().predicts:
+    others = ("activation", "norm", "text_activation", "predicts")
+    if any(getattr(origin, name) != getattr(mld.Origin(), name) for name in others):
         raise InputError(
             f"{path} is MDM's, which predicts the sample by one kind of layers; leave --predicts, "
             "--activation, --norm and --text-activation out"
@@ -96,7 +96,7 @@ def _config(weights: mld.Weights, origin: mld.Origin) -> DenoiserConfig:
     return DenoiserConfig(
         latent_width=features,
         condition_width=words,
-        transformer=mld.transformer(weights, _STACK, origin.unstated),
+        transformer=mld.transformer(weights, _STACK, origin),
         condition_projection="linear" if "embed_text.weight" in weights else "table",
         words="added_to_time",
         positions="context_first",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -46,9 +46,11 @@ _REPRESENTATIONS = {263: "humanml3d", 251: "kit", 150: "smpl"}
 
 
 @dataclass(frozen=True)
-class Unstated:
-    """Settings that shapes do not determine; the defaults are the authors'."""
+class Origin:
+    """Facts about a checkpoint that it does not state; the defaults are the authors'."""
 
+    # Mean and standard deviation of each feature, as its data set publishes them.
+    normalizer: tuple[np.ndarray, np.ndarray] | None = None
     heads: int = 4  # Attention heads.
     dropout: float = 0.1  # Dropout rate of further training.
     activation: Literal["gelu", "relu"] = "gelu"  # Activation of the VAE's feed-forward layers.
@@ -57,15 +59,6 @@ class Unstated:
     # Activation between the text's embedding and its projection; by default ReLU as in MLD, and
     # none if the denoiser projects its latents, as in MotionLCM.
     text_activation: Literal["relu", "none"] | None = None
-
-
-@dataclass(frozen=True)
-class Origin:
-    """Facts about a checkpoint that it does not state and the user knows."""
-
-    # Mean and standard deviation of each feature, as its data set publishes them.
-    normalizer: tuple[np.ndarray, np.ndarray] | None = None
-    unstated: Unstated = field(default_factory=Unstated)  # Settings that shapes do not determine.
     # Quantity that the denoiser was trained to predict.
     predicts: Literal["epsilon", "sample"] = "epsilon"
     # Text encoder that it was trained with; by default MLD's or MotionLCM's.
@@ -91,9 +84,9 @@ def latent_model(
     """
     denoiser = config = None
     if parts["denoiser"]:
-        denoiser, config = load_denoiser(parts["denoiser"], origin.unstated, path)
+        denoiser, config = load_denoiser(parts["denoiser"], origin, path)
     if parts["vae"] or config is None:
-        vae, first_stage = load_vae(parts["vae"], origin.unstated, path)
+        vae, first_stage = load_vae(parts["vae"], origin, path)
     else:  # the diffusion is on raw frames, as wide as the denoiser's latents
         first_stage = configs.IdentityVAEConfig(config.latent_width)
         vae = build(first_stage)
@@ -104,37 +97,37 @@ def latent_model(
 
 
 def load_vae(
-    weights: Weights, unstated: Unstated, path: str | Path
+    weights: Weights, origin: Origin, path: str | Path
 ) -> tuple[MotionVAE, configs.TransformerVAEConfig]:
     """Builds the network of an `MldVae` or `ActorVae` and loads its weights.
 
     Args:
         weights: Weights without the prefix `vae.`.
-        unstated: Settings that shapes do not determine.
+        origin: What shapes do not determine.
         path: The checkpoint, for error messages.
 
     Raises:
         ModelError: A weight is missing or has another shape.
     """
-    config = vae_config(weights, unstated)
+    config = vae_config(weights, origin)
     names = ("actor",) if is_actor(weights) else ("vae", f"vae_{config.decoding}")
     return loaded(lambda: build(config), weights, names, f"{path}, vae"), config
 
 
 def load_denoiser(
-    weights: Weights, unstated: Unstated, path: str | Path
+    weights: Weights, origin: Origin, path: str | Path
 ) -> tuple[DenoiserNetwork, configs.DenoiserConfig]:
     """Builds the network of an `MldDenoiser` and loads its weights.
 
     Args:
         weights: Weights without the prefix `denoiser.`.
-        unstated: Settings that shapes do not determine.
+        origin: What shapes do not determine.
         path: The checkpoint, for error messages.
 
     Raises:
         ModelError: A weight is missing or has another shape.
     """
-    config = denoiser_config(weights, unstated)
+    config = denoiser_config(weights, origin)
     # Left over from older versions, or written but never used without cross-attention.
     unused = {"sequence_pos_encoding.pe"}
     unused |= set() if config.attention == "cross" else {"mem_pos.pe"}
@@ -208,13 +201,13 @@ def model_card(
     )
 
 
-def vae_config(weights: Weights, unstated: Unstated) -> configs.TransformerVAEConfig:
+def vae_config(weights: Weights, origin: Origin) -> configs.TransformerVAEConfig:
     """Returns the configuration of an `MldVae` or `ActorVae` from its weights without `vae.`."""
     if is_actor(weights):
         return configs.TransformerVAEConfig(
             features=shape(weights, "decoder.final_layer.weight")[0],
             tokens=1,
-            transformer=transformer(weights, "encoder.seqTransEncoder.", unstated),
+            transformer=transformer(weights, "encoder.seqTransEncoder.", origin),
             position="sine",
         )
     tokens, _ = shape(weights, "global_motion_token")
@@ -223,7 +216,7 @@ def vae_config(weights: Weights, unstated: Unstated) -> configs.TransformerVAECo
     return configs.TransformerVAEConfig(
         features=shape(weights, "final_layer.weight")[0],
         tokens=tokens if linear else tokens // 2,
-        transformer=transformer(weights, "encoder.", unstated),
+        transformer=transformer(weights, "encoder.", origin),
         position=_position(weights, "query_pos_encoder.pe"),
         distribution="linear" if linear else "tokens",
         decoding="joint" if joint else "cross",
@@ -241,7 +234,7 @@ def is_motionlcm(weights: Weights) -> bool:
     return "latent_pre.weight" in weights
 
 
-def denoiser_config(weights: Weights, unstated: Unstated) -> configs.DenoiserConfig:
+def denoiser_config(weights: Weights, origin: Origin) -> configs.DenoiserConfig:
     """Returns the configuration of an `MldDenoiser` from its weights without `denoiser.`.
 
     Raises:
@@ -254,12 +247,12 @@ def denoiser_config(weights: Weights, unstated: Unstated) -> configs.DenoiserCon
         )
     cross = any(name.startswith("decoder.") for name in weights)
     # The denoiser's constructor ignored settings that the VAE's applied.
-    always = dataclasses.replace(unstated, activation="gelu", norm="post")
+    always = dataclasses.replace(origin, activation="gelu", norm="post")
     stack = transformer(weights, "decoder." if cross else "encoder.", always)
     frames = "pose_embd.weight" in weights
     in_context = "context_first" if frames else "latents_first"
     projections = [n for n in ("pose_embd.weight", "latent_pre.weight") if n in weights]
-    projection, condition_width = _condition_projection(weights, stack.width, unstated)
+    projection, condition_width = _condition_projection(weights, stack.width, origin)
     return configs.DenoiserConfig(
         latent_width=shape(weights, projections[0])[1] if projections else stack.width,
         condition_width=condition_width,
@@ -304,18 +297,18 @@ def _normalizer(features: int, origin: Origin) -> tuple[tuple[float, ...], tuple
 
 
 def _condition_projection(
-    weights: Weights, width: int, unstated: Unstated
+    weights: Weights, width: int, origin: Origin
 ) -> tuple[Literal["linear", "relu_linear", "table", "none"], int]:
     if "emb_proj.action_embedding" in weights:
         return "table", shape(weights, "emb_proj.action_embedding")[0]
     if "emb_proj.1.weight" in weights:
         usual = "none" if is_motionlcm(weights) else "relu"
-        linear = (unstated.text_activation or usual) == "none"
+        linear = (origin.text_activation or usual) == "none"
         return "linear" if linear else "relu_linear", shape(weights, "emb_proj.1.weight")[1]
     return "none", width
 
 
-def transformer(weights: Weights, stack: str, unstated: Unstated) -> configs.TransformerConfig:
+def transformer(weights: Weights, stack: str, origin: Origin) -> configs.TransformerConfig:
     """Returns the configuration of the layers whose names begin with `stack`."""
     skips = f"{stack}middle_block.linear1.weight" in weights
     one_layer = "middle_block" if skips else "layers.0"
@@ -325,11 +318,11 @@ def transformer(weights: Weights, stack: str, unstated: Unstated) -> configs.Tra
         layers=_count(weights, f"{stack}input_blocks.") * 2 + 1
         if skips
         else _count(weights, f"{stack}layers."),
-        heads=unstated.heads,
+        heads=origin.heads,
         hidden=hidden,
-        dropout=unstated.dropout,
-        activation=unstated.activation,
-        norm=unstated.norm,
+        dropout=origin.dropout,
+        activation=origin.activation,
+        norm=origin.norm,
         skips=skips,
         final_norm=f"{stack}norm.weight" in weights,
     )

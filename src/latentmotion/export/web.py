@@ -23,7 +23,7 @@ from onnx import ModelProto, TensorProto, compose, helper, numpy_helper, parser
 from tokenizers import Tokenizer
 from torch import Tensor
 
-from latentmotion.condition import SentenceCondition, TextConditioning, TextEmbedding
+from latentmotion.condition import SentenceCondition, TextEmbedding
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import representation_of
 from latentmotion.engine.session import fused_sampler_file, open_session
@@ -140,34 +140,32 @@ def _seen_prompt(pipeline: MotionPipeline, text: ModelProto | None, folder: Path
     condition = pipeline.condition
     if isinstance(condition, SentenceCondition):
         assert text is not None
-        reading = _traced_reading(condition.conditioning, text, folder)
+        # How the condition is made of the text encoder's outputs, traced.
+        width, words_width = (
+            output.type.tensor_type.shape.dim[-1].dim_value for output in text.graph.output[:2]
+        )
+        conditioning = condition.conditioning
+        pieces = 2 * (conditioning.words + 1)  # an example that is cut
+        example = {
+            "pooled": torch.randn(1, width),
+            "words": torch.randn(1, pieces, words_width),
+            "mask": torch.ones(1, pieces, dtype=torch.bool),
+        }
+        free = {"pooled": (), "words": (1,), "mask": (1,)}
+
+        def read(pooled: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+            conditioned = conditioning(TextEmbedding(pooled, words, mask))
+            return conditioned.tokens, conditioned.mask
+
+        names = ("seen", "seen_mask")
+        trace(FunctionModule(read), example, folder / "r.onnx", names, free=free)
+        reading = onnx.load(folder / "r.onnx")
         first = _same("tokens", "mask", "pooled", "words")
         then = _same("pooled", "words", "mask", "seen", "seen_mask")
         return [(text, "text", first), (reading, "reading", then)], "seen_mask"
     width = np.array(pipeline.card.condition.condition_width)
     labels = _graph("labels", depth=width, values=np.array([0, 1], np.float32))
     return [(labels, "labels", _same("tokens", "seen"))], "mask"
-
-
-def _traced_reading(conditioning: TextConditioning, text: ModelProto, folder: Path) -> ModelProto:
-    width, words_width = (
-        output.type.tensor_type.shape.dim[-1].dim_value for output in text.graph.output[:2]
-    )
-    pieces = 2 * (conditioning.words + 1)  # an example that is cut
-    example = {
-        "pooled": torch.randn(1, width),
-        "words": torch.randn(1, pieces, words_width),
-        "mask": torch.ones(1, pieces, dtype=torch.bool),
-    }
-    free = {"pooled": (), "words": (1,), "mask": (1,)}
-
-    def reading(pooled: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-        condition = conditioning(TextEmbedding(pooled, words, mask))
-        return condition.tokens, condition.mask
-
-    names = ("seen", "seen_mask")
-    trace(FunctionModule(reading), example, folder / "r.onnx", names, free=free)
-    return onnx.load(folder / "r.onnx")
 
 
 def _joined(prompt: SeenPrompt, fused: ModelProto, joints: ModelProto) -> ModelProto:

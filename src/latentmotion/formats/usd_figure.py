@@ -91,7 +91,20 @@ class _Figure:
     """The largest skeleton of a file and its animations."""
 
     def __init__(self, path: Path) -> None:
-        self.path, self.stage = path, _open_stage(path)
+        try:
+            stage = Usd.Stage.Open(str(path))
+        except Tf.ErrorException as error:
+            lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+            reason = lines[-1][:200] if lines else "no reason given"
+            raise FileFormatError(path, f"damaged, or not USD ({reason})") from error
+        if stage is None:
+            raise FileFormatError(path, "damaged, or not USD")
+        folder = path.parent.resolve()
+        for layer in stage.GetUsedLayers():
+            inside = layer.realPath.partition("[")[0]
+            if inside and not Path(inside).resolve().is_relative_to(folder):
+                raise FileFormatError(path, f"names {inside}; expected files in its own folder")
+        self.path, self.stage = path, stage
         prims = [*self.stage.Traverse(Usd.TraverseInstanceProxies())]
         skeletons = [UsdSkel.Skeleton(prim) for prim in prims if prim.IsA(UsdSkel.Skeleton)]
         bones = max(skeletons, key=lambda each: len(each.GetJointsAttr().Get() or ()), default=None)
@@ -181,23 +194,6 @@ class _Figure:
         world = np.stack([_columns(matrix) for matrix in bind])
         above = [np.eye(4) if p < 0 else world[p] for p in self.parents]
         return np.linalg.inv(np.stack(above)) @ world
-
-
-def _open_stage(path: Path) -> Any:
-    try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        reason = lines[-1][:200] if lines else "no reason given"
-        raise FileFormatError(path, f"damaged, or not USD ({reason})") from error
-    if stage is None:
-        raise FileFormatError(path, "damaged, or not USD")
-    folder = path.parent.resolve()
-    for layer in stage.GetUsedLayers():
-        inside = layer.realPath.partition("[")[0]
-        if inside and not Path(inside).resolve().is_relative_to(folder):
-            raise FileFormatError(path, f"names {inside}; expected files in its own folder")
-    return stage
 
 
 def _columns(matrix: Any) -> Float[np.ndarray, "4 4"]:
