@@ -47,11 +47,12 @@ def draw_figure(table: Table, result: TableResult, path: Path) -> bool:
     if table.figure == "training":
         curves: dict[str, dict[str, list[tuple[float, float]]]] = {}
         for row in (row for row in rows if row.share):
-            panels = curves.setdefault(row.title.partition(",")[0], {})
             for name, value in figures[row.name].items():
                 if name in table.metrics:
-                    panels.setdefault(name, []).append((100 * (row.share or 0.0), value))
-        return training_curves(path, curves)
+                    runs = curves.setdefault(name, {})
+                    points = runs.setdefault(row.title.partition(",")[0], [])
+                    points.append((100 * (row.share or 0.0), value))
+        return draw_curves(path, curves, "Epochs, % of the training")
     if table.figure == "bars":
         names = [n for n in ("FID", "Diversity") if any(n in figures[row.name] for row in rows)]
         bars = {name: {row.title: figures[row.name].get(name) for row in rows} for name in names}
@@ -73,32 +74,36 @@ def draw_figure(table: Table, result: TableResult, path: Path) -> bool:
     if table.figure == "guidance":
         rows = [row for row in rows if row.guidance]
         names = [n for n in GUIDANCE_METRICS if all(n in figures[row.name] for row in rows)]
-        values = {name: [figures[row.name][name] for row in rows] for name in names if rows}
-        return by_guidance(path, [row.guidance or 0.0 for row in rows], values)
+        sweep = {
+            name: {"": [(row.guidance or 0.0, figures[row.name][name]) for row in rows]}
+            for name in (names if rows else ())
+        }
+        return draw_curves(path, sweep, "Guidance scale s")
     # The maps of latents are drawn with their row.
     return table.figure == "tsne" and path.is_file()
 
 
-def training_curves(path: Path, curves: Mapping[str, Mapping[str, Points]]) -> bool:
-    """Draws metrics by the share of training, one panel each.
+def draw_curves(path: Path, curves: Mapping[str, Mapping[str, Points]], xlabel: str) -> bool:
+    """Draws metrics as curves, one panel each.
 
     Args:
         path: SVG to write.
-        curves: For each run its metrics, as (percent of the training, value).
+        curves: For each metric its runs by name, as (x, value); a single run may have no name.
+        xlabel: What x is.
 
     Returns:
-        Whether there is a run to draw.
+        Whether there is a metric to draw.
     """
-    names = list(dict.fromkeys(name for run in curves.values() for name in run))
-    if not names:
+    if not curves:
         return False
-    figure, panels = new_figure(columns=len(names))
-    for panel, metric in zip(panels, names, strict=True):
-        for name, run in curves.items():
-            panel.plot(*zip(*run[metric], strict=True), "o-", label=name)
-        panel.set(xlabel="Epochs, % of the training", ylabel=metric)
+    figure, panels = new_figure(columns=len(curves))
+    for panel, (metric, runs) in zip(panels, curves.items(), strict=True):
+        for name, points in runs.items():
+            panel.plot(*zip(*points, strict=True), "o-", label=name or None)
+        panel.set(xlabel=xlabel, ylabel=metric)
         panel.grid(alpha=0.3)
-        panel.legend()
+        if "" not in runs:
+            panel.legend()
     return save_figure(figure, path)
 
 
@@ -148,29 +153,6 @@ def time_against_fid(path: Path, series: Mapping[str, Sequence[tuple[str, float,
     panel.grid(alpha=0.3)
     # Below the panel, where it hides no point.
     figure.legend(loc="outside lower center", ncols=2, fontsize=8)
-    return save_figure(figure, path)
-
-
-def by_guidance(
-    path: Path, scales: Sequence[float], figures: Mapping[str, Sequence[float]]
-) -> bool:
-    """Draws metrics by guidance scale, one panel each.
-
-    Args:
-        path: SVG to write.
-        scales: The scales.
-        figures: For each metric its value at each scale.
-
-    Returns:
-        Whether there is a metric to draw.
-    """
-    if not figures:
-        return False
-    figure, panels = new_figure(columns=len(figures))
-    for panel, (name, values) in zip(panels, figures.items(), strict=True):
-        panel.plot(scales, values, "o-")
-        panel.set(xlabel="Guidance scale s", ylabel=name)
-        panel.grid(alpha=0.3)
     return save_figure(figure, path)
 
 
