@@ -252,20 +252,23 @@ class Batcher:
         """Waits for the next batch; none at the end."""
         with self._changed:
             while not self._ends:
-                # The task whose turn it is and others of its key; background tasks come last.
-                batch: list[_Task] = []
-                for line in (self._waiting, self._background):
-                    waiting = [task for task in line if not task.future.cancelled()]
-                    for task in self._turns.order(waiting):
-                        if not batch or (task.key == batch[0].key and len(batch) < self._batch):
-                            batch.append(task)
-                    line.clear()
-                    line.extend(task for task in waiting if task not in batch)
-                if batch:
-                    self._turns.served(batch)
+                if batch := self._next():
                     return batch
                 self._changed.wait()
         return []
+
+    def _next(self) -> list[_Task]:
+        """Returns the task whose turn it is and others of its key; background tasks come last."""
+        batch: list[_Task] = []
+        for line in (self._waiting, self._background):
+            waiting = [task for task in line if not task.future.cancelled()]
+            for task in self._turns.order(waiting):
+                if not batch or (task.key == batch[0].key and len(batch) < self._batch):
+                    batch.append(task)
+            line.clear()
+            line.extend(task for task in waiting if task not in batch)
+        self._turns.served(batch)
+        return batch
 
 
 def _deliver(batch: Sequence[_Task], results: Sequence[Any]) -> None:
