@@ -2,6 +2,7 @@
 
     python data/gestures.py src/latentmotion/models/starter   # the index there, its drawn part anew
     python data/gestures.py moves                              # an index of drawn movements alone
+    python data/gestures.py moves --prepared drawn_data        # and data to train a decoder on
 
 Hands, feet and pelvis follow targets along monotone cubic curves (Fritsch and Carlson 1980), arms
 and legs by two-bone inverse kinematics; all else is the recording. Latents are those whose decoded
@@ -15,7 +16,7 @@ import hashlib
 import json
 import tomllib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from latentmotion import MotionPipeline
-from latentmotion.data.clip import Caption, Source
+from latentmotion.data.clip import Caption, Source, Split
 from latentmotion.data.dataset import Dataset
+from latentmotion.data.store import (
+    StoredClip,
+    StoredMotion,
+    stored_normalizer,
+    write_dataset,
+)
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.language.words import words_of
 from latentmotion.model.card import MOVES_FILE, find_model
@@ -430,6 +437,29 @@ def recorded(index: ClipIndex) -> ClipIndex:
     )
 
 
+def write_prepared(
+    folder: Path, dataset: Dataset, shown: Sequence[ShownClip], source: Source
+) -> None:
+    """Writes a prepared folder of data and movements, normalized as the data are."""
+    space = dataset.representation
+
+    def motions() -> Iterator[StoredMotion]:
+        for clip in (*dataset.clips("train"), *dataset.clips("val")):
+            yield stored(clip.id, clip.source, clip.origin, clip.split, dataset.features(clip))
+        for clip in shown:
+            yield stored(clip.id, SOURCE, clip.origin, "train", clip.features)
+
+    def stored(
+        name: str, owner: str, origin: str, split: Split, features: np.ndarray
+    ) -> StoredMotion:
+        return StoredMotion(
+            StoredClip(name, owner, origin, split, len(features), 0, 0, (), ()), features
+        )
+
+    normalizer = stored_normalizer(dataset.normalizer, str(dataset.folder))
+    write_dataset(folder, motions(), (*dataset.sources, source), space, normalizer)
+
+
 @dataclass(frozen=True)
 class Gestures:
     """Write an index of the movements."""
@@ -438,7 +468,10 @@ class Gestures:
     table: Path = HERE / "gestures.toml"  # The movements.
     data: Path = HERE / "starter.pack"  # Prepared data with the recordings.
     model: str = "starter"  # Name or folder of the model whose encoders are used.
-    anew: bool = False  # Search all latents, as after a change to this file: an hour.
+    anew: bool = False  # Search all latents, as after a change to the decoder: ten minutes.
+    # Folder for the data without its test clips, each clip as one item, and the movements: a
+    # decoder that trains on it draws movements as they are drawn.
+    prepared: Path | None = None
 
     def run(self) -> None:
         """Writes it."""
@@ -462,6 +495,8 @@ class Gestures:
         licenses = {source.license for source in dataset.sources if source.name in owners}
         credit = f"Latent Motion, drawn on recordings of {'; '.join(credits)}"
         source = Source(SOURCE, " and ".join(sorted(licenses)), credit)
+        if self.prepared:
+            write_prepared(self.prepared, dataset, shown, source)
         search = NearestLatents.of(find_model(self.model), pipeline.feature_encoder)
         shipped = pipeline.clip_starts.chooser.index if pipeline.clip_starts else None
         stored = {clip.id: clip for clip in shipped.clips} if shipped and not self.anew else {}
