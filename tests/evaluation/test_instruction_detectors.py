@@ -53,6 +53,7 @@ MOTIONS = {
     "crawl": acted.crawl(),
     "walk, then kick": acted.in_sequence(acted.walk(2), acted.kick("left")),
     "kick, then jump": acted.in_sequence(acted.kick("left"), acted.jump(1)),
+    "kick left, then right": acted.in_sequence(acted.kick("left"), acted.kick("right")),
 }
 
 HOLDS = {
@@ -88,6 +89,7 @@ HOLDS = {
     "crawl": "crawl",
     "walk, then kick": "walk > kick(left)",
     "kick, then jump": "kick > jump",
+    "kick left, then right": "kick(left) > kick(right)",
 }
 
 FAILS = {
@@ -109,6 +111,7 @@ FAILS = {
     "sit": ["lie", "low"],
     "walk, then kick": ["kick(left) > walk", "kick(right)"],
     "kick, then jump": ["jump > kick"],
+    "kick left, then right": ["kick(right) > kick(left)", "kick(left)", "kick(right)"],
 }  # fmt: skip
 
 

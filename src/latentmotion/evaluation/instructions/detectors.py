@@ -266,10 +266,15 @@ def _act(name: str, of_sides: bool = False) -> Callable[[Detector], Detector]:
             return sorted(detect(body, LEFT) + detect(body, RIGHT))
 
         ACTS[name] = of_either if of_sides else detect
+        if of_sides:
+            _OF_ONE_SIDE[name] = detect
         return detect
 
     return register
 
+
+# Detectors of the acts of a given side, whatever the other side does.
+_OF_ONE_SIDE: dict[str, Detector] = {}
 
 _condition = entries(CONDITIONS)  # Registers a condition.
 
@@ -287,7 +292,9 @@ def fulfills(body: Body, check: Check) -> bool:
             else term.often[0] <= len(_events(body, term)) <= term.often[1]
             for term in check.terms
         )
-    events = [_events(body, term) for term in check.terms]
+    # Of an act on one side, then on the other, neither side does more.
+    names = [term.name for term in check.terms]
+    events = [_events(body, term, names.count(term.name) > 1) for term in check.terms]
     for earlier, later, term in zip(events, events[1:], check.terms[1:], strict=False):
         # Acts within two frames (0.1 s) of each other happen at once, in no order.
         if not earlier or not later or earlier[0][0] + 2 > later[-1][0]:
@@ -298,11 +305,12 @@ def fulfills(body: Body, check: Check) -> bool:
     return True
 
 
-def _events(body: Body, term: Term) -> list[Span]:
+def _events(body: Body, term: Term, either: bool = False) -> list[Span]:
     if term.name not in ACTS:
         raise InputError(f"unknown act {term.name!r}; {hint(term.name, [*ACTS, *CONDITIONS])}")
     side = term.words[0] if term.words else "any"
-    return ACTS[term.name](body, side)
+    detect = _OF_ONE_SIDE.get(term.name) if either and side in _OTHER else None
+    return (detect or ACTS[term.name])(body, side)
 
 
 @_act("raise")
