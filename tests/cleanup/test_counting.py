@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from latentmotion import Motion, MotionPipeline
-from latentmotion.cleanup import CleanUp, clean, clean_batch
+from latentmotion.cleanup import CleanUp, CleanUpWarning, clean, clean_batch
 from latentmotion.control.stream import generate_loop
 from latentmotion.control.timeline import generate_timeline
 from latentmotion.corrections import NO_CORRECTIONS, Corrections, Count
@@ -56,11 +56,18 @@ def test_it_is_done_as_often_as_asked(
     assert jitter(exact.joints, 20.0) < 1.5 * jitter(plain.joints, 20.0)
 
 
+@pytest.mark.parametrize("times", [19, 99])
+def test_as_often_as_fits_where_more_is_asked(times: int) -> None:
+    motion, corrections = asks(acted.jump(2), "jump", times)
+    with pytest.warns(CleanUpWarning, match=f"{times} times take too long, [0-9]+ fit"):
+        exact = clean(motion, corrections=corrections)
+    assert 5 <= counted(exact, "jump") < 19 and 8 < len(exact) / exact.fps < 10
+
+
 @pytest.mark.parametrize(
     ("act", "times", "side"),
-    [("jump", 2, ""), ("kick", 2, ""), ("jump", 19, ""), ("juggle", 3, ""), ("jump", 0, ""),
-     ("jump", 99, "")],
-)  # fmt: skip
+    [("jump", 2, ""), ("kick", 2, ""), ("juggle", 3, ""), ("jump", 0, "")],
+)
 def test_other_motions_are_left_as_they_are(act: str, times: int, side: str) -> None:
     motion, corrections = asks(acted.jump(2), act, times, side)
     exact = clean(motion, corrections=corrections)

@@ -34,6 +34,9 @@ _MOST = 20
 # Fewest and most frames of a motion that is made.
 _FRAMES = (20, 196)
 
+# Repetitions that always fit into it.
+_SURELY = 3
+
 # Seconds in which a cycle is joined.
 _TRANSITION = 0.4
 
@@ -101,6 +104,36 @@ def exact_count(
             about = {**asdict(asked), "made": len(repeated.full)}
             return replace(candidate, metadata={**candidate.metadata, "count": about})
     return cleaned
+
+
+def as_many_as_fit(
+    motion: Motion, cleaned: Motion, asked: Count, clean: Callable[[Motion], Motion]
+) -> tuple[Motion, int]:
+    """Returns a motion with an exact count, or as near to it as the longest motion can be.
+
+    Args:
+        motion: As for `exact_count`; so are all further arguments.
+        cleaned: The motion, cleaned up.
+        asked: What it should do.
+        clean: Cleans a motion up.
+
+    Returns:
+        The motion, and how many repetitions fit, zero where as many as are asked for would.
+    """
+    exact = exact_count(motion, cleaned, asked, clean)
+    if asked.times <= _SURELY or asked.act not in COUNTED or exact is not cleaned:
+        return exact, 0
+    repeated = repetitions(exact.joints.astype(np.float64), asked.act, asked.side)
+    full = repeated.full if repeated else ()
+    if not full or motion.fps != HUMANML3D_FEATURES.fps:
+        return exact, 0
+    each = (full[-1].end - full[0].start) / len(full)
+    fit = len(full) + int((_FRAMES[1] - len(exact)) / each)
+    for times in (fit + 1, fit, fit - 1) if fit < asked.times else ():
+        most = exact_count(motion, cleaned, replace(asked, times=times), clean)
+        if most is not cleaned:
+            return most, times
+    return exact, len(full) if fit < asked.times else 0
 
 
 def _arrangements(joints: Joints, found: Repetitions, asked: Count) -> list[Pieces]:

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 from latentmotion.arrays import length
 from latentmotion.cleanup.bones import even_bones
 from latentmotion.cleanup.contacts import Contacts, foot_contacts
-from latentmotion.cleanup.exact import exact_count, exact_turns
+from latentmotion.cleanup.exact import as_many_as_fit, exact_turns
 from latentmotion.cleanup.floor import Floor, align_floor, hold_seats
 from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
@@ -33,7 +33,7 @@ Joints = Float[np.ndarray, "frames motions joints 3"]
 
 
 class CleanUpWarning(UserWarning):
-    """A step was skipped, or had to move joints far.
+    """A step was skipped or had to move joints far, or fewer repetitions fit than are asked for.
 
     Args:
         text: What happened.
@@ -135,7 +135,7 @@ def clean_batch(
         cleaned = clean_batch(whole, steps, exact)
         every = zip(cleaned, motions, beside, strict=True)
         return [rolled_up(after, before) if n else after for after, before, n in every]
-    pairs = zip(motions, corrections, strict=True)
+    pairs, raw = zip(motions, corrections, strict=True), motions
     motions = [_enlivened(motion, correction, steps) for motion, correction in pairs]
     cleaned = _clean_alike(motions, steps, corrections)
     moving = replace(steps, in_place=False)  # repetitions are counted on the path
@@ -150,7 +150,10 @@ def clean_batch(
                 return _clean_alike([motion], moving, [correction])[0]
 
         whole = clean_again(motion) if steps.in_place else cleaned[number]
-        exact = exact_count(motion, whole, correction.count, clean_again)
+        exact, fit = as_many_as_fit(motion, whole, correction.count, clean_again)
+        if fit:
+            text = f"{_named(motion)}{correction.count.times} times take too long, {fit} fit"
+            warnings.warn(CleanUpWarning(text, raw[number]), stacklevel=3)
         joints = in_place(exact.joints, exact.fps) if steps.in_place else exact.joints
         cleaned[number] = replace(exact, joints=joints)
         if len(exact) != len(motion):
