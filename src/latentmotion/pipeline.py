@@ -658,7 +658,7 @@ class MotionPipeline(PickledByFields):
         translation = in_english(prompt)
         sentence = translation.english if translation else prompt
         with silent_of_unknown():  # words that the denoiser need not read
-            reading = clips.chooser.doubts.read(sentence) if clips else Reading.of(sentence)
+            reading = clips.chooser.read(sentence) if clips else Reading.of(sentence)
         return replace(reading, translation=str(translation)) if translation else reading
 
     @cached_property

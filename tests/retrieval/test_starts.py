@@ -101,6 +101,19 @@ def test_a_thing_that_is_named_alone_is_no_start(fast):
     assert fast.clip_starts.chooser.choices(reading) == [] and reading.doubt
 
 
+@pytest.mark.parametrize(
+    ("sentence", "doubted"),
+    [
+        ("marches while saluting", None),  # layered
+        ("turns around twice, staggers and sits down", None),
+        ("does a cartwheel, then defragments the disk", "defragments the disk"),
+    ],
+)
+def test_only_what_is_not_made_is_doubted(fast, sentence, doubted):
+    doubt = fast.read(sentence).doubt
+    assert (doubt and doubt.about) == doubted
+
+
 def test_who_sits_does_not_sit_down_again(fast):
     (motion,) = fast.batch(["backs into a chair and sits"], seeds=[0])
     assert len(motion.metadata["from_clips"]) == 1
@@ -125,6 +138,27 @@ def test_the_other_side_of_a_drawn_movement_is_its_mirror_image(fast, side, mirr
     [choice] = fast.clip_starts.chooser.choices(fast.read(f"kick with the {side} leg"))
     assert choice.neighbors[0].caption.text == "front kick with the right leg"
     assert choice.neighbors[0].mirrored is mirrored
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    ["kick with the left leg, then with the right leg", "wave with the right hand, then the left"],
+)
+def test_one_side_after_the_other_starts_from_a_clip_and_its_mirror_image(fast, sentence):
+    first, second = fast.clip_starts.chooser.choices(fast.read(sentence))
+    assert first.neighbors[0].mirrored is not second.neighbors[0].mirrored
+
+
+@pytest.mark.parametrize(
+    ("sentence", "says"),
+    [
+        ("get up from the ground and walk", "get up from the ground"),  # 43 clips
+        ("leaps for joy and bows", "he bows"),  # not like a nobleman
+    ],
+)
+def test_each_of_a_row_starts_as_it_is(fast, sentence, says):
+    choices = fast.clip_starts.chooser.choices(fast.read(sentence))
+    assert says in [near.caption.text for choice in choices for near in choice.neighbors[:1]]
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -192,7 +226,7 @@ def test_movements_in_a_row_start_from_a_clip_each(fast, joint):
         ("he walks after waving", ["waves", None]),  # not at once
         ("before sitting down he waves", ["waves", "sits down"]),
         ("raises the left arm, then the right arm", ["raise the", "raise the"]),
-        ("first the right arm goes up, then the left arm", ["right arm goes up", "raise the"]),
+        ("first the right arm goes up, then the left arm", ["right arm goes up"] * 2),
         ("two jabs and a cross, then bows", ["jabs followed by a cross", "bows"]),
         ("opens the door, bends to look inside, and closes it again", ["door", "bends"]),
     ],
@@ -492,3 +526,22 @@ def test_a_movement_that_both_sides_show_starts_from_no_mirror_image(fast, side)
     for motion in motions:
         (clip,) = motion.metadata["from_clips"]
         assert side in clip["caption"] and not clip["mirrored"]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "says"),
+    [
+        ("gets slapped in the face", "gets punched in the face"),  # "slaps somebody in the face"
+        ("is kicked in the shin", "is kicked in the gut"),
+        ("is hit by a ball", "is knocked back"),  # "hits the ball with a bat"
+        ("a man is pushed to the ground", "gets pushed"),
+        ("is shot by an arrow", "is shot"),
+        ("pushes", "pushes someone"),  # "gets pushed" is nearer
+        ("kicked the ball", "kick a ball"),
+        ("is thrown over the shoulder", None),  # "throws somebody over the shoulder"
+    ],
+)
+def test_who_is_acted_upon_reacts(fast, sentence, says):
+    choices = fast.clip_starts.chooser.choices(fast.read(sentence))
+    texts = [neighbor.caption.text for choice in choices for neighbor in choice.neighbors]
+    assert not texts if says is None else says in texts[0]

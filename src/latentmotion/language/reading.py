@@ -40,6 +40,7 @@ from latentmotion.language.manner import (
 )
 from latentmotion.language.words import (
     STOPS,
+    THEN,
     Token,
     beginnings,
     forms,
@@ -48,6 +49,8 @@ from latentmotion.language.words import (
     other_forms,
     third_person,
     tokens_of,
+    with_words,
+    words_of,
 )
 
 # Seconds before and after repetitions; share by which they may be shorter or longer.
@@ -217,9 +220,9 @@ def told_in_order(sentence: str) -> str:
     """Returns a sentence that tells its acts in the order of time, each with a verb of its own.
 
     "Before sitting down he waves" becomes "he waves, then sits down", and "kick with the left leg,
-    then with the right leg" becomes "…, then kick with the right leg": captions are told so.
+    then with the right" becomes "…, then kick with the right leg": captions are told so.
     """
-    return _with_second_verb(_side_by_side(_in_order(sentence)))
+    return _completed(_side_by_side(_in_order(sentence)))
 
 
 def _in_order(sentence: str) -> str:
@@ -273,26 +276,33 @@ def _side_by_side(sentence: str) -> str:
     named = acts_in(tokens)
     if at is None or len(named) != 1 or not named[0].start < at or tokens[at - 1].text == "in":
         return sentence
-    verb, each, limb = tokens[named[0].start], tokens[at], sentence[tokens[at].end :].rstrip(" .")
-    again = f"{sentence[verb.start : each.start]}the right{limb}"
-    return f"{sentence[: each.start]}the left{limb}, then {again}"
+    limb = sentence[tokens[at].end :].rstrip(" .")
+    return f"{sentence[: tokens[at].start]}the left{limb}, then the right{limb}"
 
 
-def _with_second_verb(sentence: str) -> str:
-    """Repeats the verb of an act that has none of its own: "kick left, then right"."""
-    tokens = tokens_of(sentence)
-    words = [token.text for token in tokens]
-    if "then" not in words:
-        return sentence
-    at = len(words) - words[::-1].index("then")
-    ways = "left|right|forward|forwards|backward|backwards"
-    lacks = match(f"with|on|to|using? {{their}}? {ways} {{limb}}|one? {{end}}", tokens, at)
-    before = acts_in(tokens[: at - 1])
-    if lacks is None or not before:
-        return sentence
-    last = before[-1]
-    verb = "raise" if last.act.begins else _text(sentence, tokens[last.start : last.end])
-    return f"{sentence[: tokens[at].start]}{verb} {sentence[tokens[at].start :]}"
+def _completed(sentence: str) -> str:
+    """Says in full what leaves out what it shares with the movement before it."""
+    parts = THEN.split(sentence)
+    full = parts[:1]
+    for part in parts[1:]:
+        full.append(_in_full(part, full[-1]))
+    return ", then ".join(full) if full != parts else sentence
+
+
+def _in_full(part: str, before: str) -> str:
+    """Returns a movement in full: after "turns to the left" for "to the right"."""
+    words, others = {*words_of(part)}, {*words_of(before)}
+    shared = others | listed("preposition") | listed("towards") | listed("their")
+    ways = listed("forward") | listed("backward") | listed("sideways")
+    for alike in (listed("side"), ways, listed("slow") | listed("fast")):
+        said, other = words & alike, others & alike
+        if len(said) == len(other) == 1 and said != other and words <= shared | said | {"one"}:
+            full = with_words(before.removeprefix("first "), dict(zip(other, said, strict=True)))
+            tokens = tokens_of(full)
+            verb = next((n for n, token in enumerate(tokens) if token.text in verb_forms()), 0)
+            subject = verb and tokens[verb - 1].text in listed("person")
+            return full[tokens[verb].start :] if subject else full
+    return part
 
 
 def _claims(tokens: list[Token], implied: bool) -> list[Told]:

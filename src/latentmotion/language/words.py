@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import dropwhile
 
-from latentmotion.language.claims import LEFT, RIGHT, data, mirror_words
+from latentmotion.language.claims import LEFT, RIGHT, data
 
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+|[°.,;:!?]|(?<=\d)\s?[-–](?=\s?\d)")
 _WORD = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")
@@ -95,22 +95,23 @@ def with_words(sentence: str, others: Mapping[str, str]) -> str:
 
 def parts_of(sentence: str) -> list[str]:
     """Returns the movements of a sentence that follow each other, in order."""
-    parts: list[str] = []
-    for part in THEN.split(sentence):
-        if part.strip() and (not parts or content_words(part)):  # "on one leg, then the other"
-            parts.append(_completed(part, parts[-1]) if parts else part)
-    return parts or [sentence]
+    parts = [part for part in THEN.split(sentence) if part.strip()]
+    return [*parts[:1], *filter(content_words, parts[1:])] or [sentence]  # "…, then the other"
 
 
-def _completed(part: str, before: str) -> str:
-    """Returns a movement that leaves out what it shares with the one before, in full.
+@lru_cache(maxsize=4096)  # the captions near a prompt are asked for again
+def suffered(sentence: str) -> Mapping[str, str]:
+    """Returns active forms of verbs that are done to somebody, and what else shows them there.
 
-    "Turns the head to the left, then to the right" turns it to the right then.
+    In "gets hit" and "shot in the chest", not in "kicked the ball".
     """
-    sides, others = named_sides(part), named_sides(before)
-    shared = {*words_of(before)} | listed("preposition") | listed("towards") | sides
-    other_side = len(sides) == len(others) == 1 and sides != others
-    return mirror_words(before) if other_side and shared.issuperset(words_of(part)) else part
+    words = words_of(sentence)
+    active = words[1:2] and words[1] in listed("determiner") | listed("person")
+    leads = zip(["" if active else "is", *words], words, strict=False)
+    acted = {word for lead, word in leads if lead in listed("auxiliary")}
+    verbs = data("words.toml")["done_to"]
+    done = [v for v in verbs if acted & {past_tense(v), *_OTHER.get(v, ())}]
+    return {form: verbs[verb] for verb in done for form in forms(verb) if form not in verbs}
 
 
 def refers_back(clause: str) -> bool:
@@ -142,8 +143,11 @@ def clauses_of(sentence: str, is_known: Callable[[str], bool]) -> list[str]:
                 leads = listed("leads") | set(STOPS)
                 texts = ((n, tokens[n].text) for n in ahead)
                 verb = next((n for n, w in texts if w not in leads and not w.endswith("ly")), at)
-                more = verb + 1 < len(tokens) and tokens[verb + 1].text not in STOPS
-                same = _verb_forms(tokens[verb].text, is_known, more) & before
+                after = tokens[verb + 1].text if verb + 1 < len(tokens) else "."
+                more, known = after not in STOPS, is_known
+                if after in listed("particle"):  # "plops down"
+                    known = str.isalpha
+                same = _verb_forms(tokens[verb].text, known, more) & before
                 if "and" not in {other.text for other in tokens[at:verb]}:
                     same -= {"participle"}  # "stands waiting, leaning on one leg"
                 if verb > at and (followed or same):
@@ -376,7 +380,7 @@ _PAST = {
     "kneel": "knelt", "creep": "crept", "leap": "leapt", "set": "set", "break": "broke",
     "bring": "brought", "spring": "sprang", "bear": "bore", "say": "said", "lay": "laid",
     "lose": "lost", "leave": "left", "spread": "spread", "sleep": "slept", "sink": "sank",
-    "have": "had", "be": "was",
+    "have": "had", "be": "was", "shoot": "shot", "beat": "beat", "bite": "bit", "catch": "caught",
 }  # fmt: skip
 
 _DOUBLED = re.compile(r"[^aeiou]*(?:qu)?[aeiou][bdgklmnprt]|(?:un|zig|side)?(?:zag|step)")
@@ -386,7 +390,8 @@ _DOUBLED_IN_PAST = re.compile(rf"{_DOUBLED.pattern}|side-step")
 # Further forms that people write.
 _OTHER = {
     "lean": ("leant",), "leap": ("leaped",), "kneel": ("kneeled",), "tiptoe": ("tiptoing",),
-    "sleep": ("slept",), "hide": ("hid",), "fight": ("fought",),
+    "sleep": ("slept",), "hide": ("hid",), "fight": ("fought",), "throw": ("thrown",),
+    "bite": ("bitten",), "beat": ("beaten",),
     "swivel": ("swivelled", "swivelling"), "lie": ("lain", "laying"),
     "walk": ("walkes",), "spring": ("sprung",), "strike": ("stricken",),
 }  # fmt: skip

@@ -32,6 +32,7 @@ from latentmotion.language.words import (
     other_forms,
     parts_of,
     refers_back,
+    suffered,
     verb_of,
     words_of,
 )
@@ -127,6 +128,12 @@ class Chooser:
         """Returns the embedding of a sentence, and that of its mirror image if it differs."""
         return self.text_encoder(both_sides(sentence)).pooled
 
+    def read(self, sentence: str) -> Reading:
+        """Returns a sentence as the model reads it; what is made in layers is not doubted."""
+        reading = self.doubts.read(sentence)
+        doubted = reading.doubt and reading.doubt.is_far and self._layers(reading.sentence)
+        return replace(reading, doubt=None) if doubted else reading
+
     def choices(self, reading: Reading) -> list[Choice]:
         """Returns clips to start from, for each movement of a sentence that follows another.
 
@@ -143,22 +150,30 @@ class Chooser:
             choice = self._rare(movements[0], reading, reading.sentence)
             choice = choice or self._headed(reading.sentence)
             return [choice] if choice else []
-        movements = [choice for choice in movements if _is_made(choice)]
-        starts = [
-            self._rare(choice, reading, choice.sentence) or self._headed(choice.sentence)
+        # Few words about what is before them ("lower it") are near a clip by chance.
+        movements = [
+            choice
+            for choice in movements
+            if request_of(choice.sentence).claims
+            or choice.cosine >= NEARLY_ALIKE
+            or (choice.is_near and not refers_back(choice.sentence))
+        ]
+        row = [
+            self._rare(choice, reading, choice.sentence)
+            or self._headed(choice.sentence)
+            or self._beside(choice)
             for choice in movements
         ]
-        if not any(starts):
-            return []
-        every = zip(starts, movements, strict=True)
-        return [start or self._beside(choice) for start, choice in every]
+        # Noise makes fewer movements of a row than it would alone.
+        return row if any(choice.neighbors and choice.support <= USUAL for choice in row) else []
 
     def _headed(self, sentence: str) -> Choice | None:
         """Returns the clips of what a sentence says first: "sneaking on tiptoes, cartoon style".
 
         What follows says how. Nothing is returned where it claims what the clip does not show.
         """
-        if asked_exactly(sentence, any_length=True) != NO_CORRECTIONS:
+        several = len(clauses_of(sentence, self.doubts.is_word)) > 1
+        if several or asked_exactly(sentence, any_length=True) != NO_CORRECTIONS:
             return None
         stops = [sentence.find(mark) for mark in _TAILS if mark in sentence]
         head = sentence[: min(stops, default=0)].strip()
@@ -263,18 +278,14 @@ class Chooser:
         if said and in_turn and self._names([text], done):
             return [Choice((said,), DRAWN, sentence)]
         while len(spans) > 2:
-            pairs = [self._together(*pair) for pair in pairwise(spans)]
+            rows = [(*first, *second) for (first, _), (second, _) in pairwise(spans)]
+            pairs = [(row, self.choice(" and ".join(row))) for row in rows]
             joinable = [n for n, pair in enumerate(pairs) if self._tells(pair, spans[n : n + 2])]
             if not joinable:
                 break
             n = max(joinable, key=lambda n: pairs[n][1].cosine)
             spans[n : n + 2] = [pairs[n]]
         return [choice for _, choice in spans]
-
-    def _together(self, first: Span, second: Span) -> Span:
-        """Returns neighboring spans as one."""
-        clauses = (*first[0], *second[0])
-        return clauses, self.choice(" and ".join(clauses))
 
     def _tells(self, span: Span, parts: Sequence[Span]) -> bool:
         """Whether the caption nearest to a span of clauses tells of all of them."""
@@ -287,6 +298,8 @@ class Chooser:
         if caption.support == DRAWN:
             texts = self.index.texts_of(caption.clip)
             return choice.support == DRAWN and choice.is_near and self._names(texts, clauses)
+        if choice.support > RARE and len(named_sides(" ".join(clauses))) > 1:
+            return False  # noise mixes sides up
         number = next(n for n, other in enumerate(self.index.captions) if other is caption)
         cosines = [
             max(self.index.neighbor(number, self._sides(text)).cosine for text in lookups(clause))
@@ -307,7 +320,8 @@ class Chooser:
                 "draws a bow and shoots".
         """
         versions = [self._sides(text) for text in lookups(sentence)]
-        if context and len(set(words_of(sentence)) - listed("person")) == 1:
+        alone = len(set(words_of(sentence)) - listed("person")) == 1
+        if context and alone and not _claims(sentence):
             meant = CONTEXT * self._sides(context)[0]
             versions = [unit(sides + meant) for sides in versions]
         nearest = [(sides, self.index.nearest(sides, MOST_COMPARED)) for sides in versions]
@@ -315,6 +329,11 @@ class Chooser:
         support = self.index.support(sides)
         near = [n for n in every if n.caption.support == SHOWN or _fits(n.caption.text, sentence)]
         near = fitting(near, sides, sentence, self.index)
+        if done := suffered(sentence):  # how common it is to do it says nothing
+            near = [n for n in near if suffered(n.caption.text) or n.cosine >= NEARLY_ALIKE]
+            support = max((n.caption.support for n in near), default=support)
+            if (shows := max(done.values())) and not (near and near[0].is_near):
+                return replace(self.choice(shows), sentence=sentence)
         if not near:
             return Choice(tuple(every[:1]), max(support, OFTEN), sentence)
         near = near[:MOST_CHOICES]
@@ -326,6 +345,12 @@ class Chooser:
         # A clip that was shown, or else drawn, for a sentence takes turns with none that was not.
         shown = [neighbor for neighbor in alike if neighbor.caption.support == SHOWN]
         drawn = [neighbor for neighbor in alike if neighbor.caption.support == DRAWN]
+        if _claims(sentence).difference(
+            kinds("low")
+        ):  # "spins" is no spinning on the back: noise makes what is common
+            plain = [n for n in drawn if not _says_more(n, sentence)]
+            alike = [n for n in alike if n in plain or n not in drawn] or alike
+            drawn = [n for n in drawn if n in alike]
         claimed = bool(drawn) and (
             drawn[0].cosine >= ALIKE_WORDS or _claims(sentence) <= self._claims_of(drawn[0])
         )
@@ -340,8 +365,12 @@ class Chooser:
         else:
             first = alike[0].caption.support == DRAWN
             same = drawn if first else [n for n in alike if n not in drawn]
-            if first and not self._goes(drawn[0], _gaits_of(sentence)):
-                support = max(support, OFTEN)
+            gaits = _gaits_of(sentence) if first else ()
+            if gaits:  # who does not go in all the ways that are asked for, by one caption
+                texts = self.index.texts_of(drawn[0].caption.clip)
+                ways = {gait.direction for text in texts for gait in _gaits_of(text)}
+                goes = ways and (ways | {""}).issuperset(gait.direction for gait in gaits)
+                support = support if goes else max(support, OFTEN)
         return Choice(tuple(self._on_side(n, sentence) for n in same), support, sentence)
 
     def _names(self, captions: Sequence[str], clauses: Sequence[str]) -> bool:
@@ -353,12 +382,6 @@ class Chooser:
     def _claims_of(self, neighbor: Neighbor) -> frozenset[str]:
         """Returns the kinds of what the captions of a clip tell of that can be measured."""
         return frozenset().union(*map(_claims, self.index.texts_of(neighbor.caption.clip)))
-
-    def _goes(self, neighbor: Neighbor, gaits: Sequence[Claim]) -> bool:
-        """Whether a clip goes on foot in the ways that are asked for, by one of its captions."""
-        shown = [*chain(*map(_gaits_of, self.index.texts_of(neighbor.caption.clip)))]
-        ways = {gait.direction for gait in shown} | {""}
-        return not gaits or (bool(shown) and ways.issuperset(gait.direction for gait in gaits))
 
     @cached_property
     def _said_by_drawn(self) -> list[tuple[frozenset[str], int]]:
@@ -392,7 +415,8 @@ class Chooser:
         neighbor = max(near, key=lambda neighbor: neighbor.cosine)
         caption = neighbor.caption.text
         lacks = "both" in content_words(sentence) - content_words(caption)
-        if lacks or not neighbor.is_near or (_gaits_of(sentence) and not _gaits_of(caption)):
+        walks = _gaits_of(sentence) and not _gaits_of(caption)
+        if lacks or walks or not (neighbor.is_near and _fits(caption, sentence)):
             return None
         return self._on_side(neighbor, sentence)
 
@@ -428,15 +452,6 @@ def _in_turn(caption: str, sentence: str) -> bool:
     return row and "while" not in words and len(named_sides(sentence)) < 2
 
 
-def _is_made(choice: Choice) -> bool:
-    """Whether a movement beside others is made at all: a clip or a claim is near it.
-
-    A few words about what is before them ("lower it") are near by chance.
-    """
-    near = choice.is_near and (choice.cosine >= NEARLY_ALIKE or not refers_back(choice.sentence))
-    return near or bool(request_of(choice.sentence).claims)
-
-
 def _most_beside(drawn: Neighbor, nearest: bool) -> float:
     """Returns up to which support of recorded captions beside it a drawn clip is started from."""
     if drawn.cosine < NEARLY_ALIKE:
@@ -446,17 +461,31 @@ def _most_beside(drawn: Neighbor, nearest: bool) -> float:
     return np.inf if drawn.cosine >= ALIKE_WORDS else OFTEN
 
 
+def _says_more(neighbor: Neighbor, sentence: str) -> bool:
+    """Whether a caption that is not the same repeats all of a sentence and says more."""
+    words, caption = content_words(sentence), content_words(neighbor.caption.text)
+    said = [caption & (other_forms(word) | {word}) for word in words]
+    more = all(said) and caption - frozenset().union(*said)
+    return bool(more) and neighbor.cosine < ALIKE_WORDS
+
+
 def _gaits_of(sentence: str) -> list[Claim]:
     return [claim for claim in request_of(sentence).claims if claim.kind in kinds("gait")]
 
 
 def _fits(caption: str, sentence: str) -> bool:
-    """Whether a caption says nothing against a sentence: "off" for "onto", a way for "in place"."""
+    """Whether a caption says nothing against a sentence: "off" for "onto", a way for "in place".
+
+    Who is hit does not hit.
+    """
     said, words = {*words_of(sentence)}, {*words_of(caption)}
     against = any(
         said & word and words & opposite and not said & opposite and not words & word
         for word, opposite in opposites()
     )
+    active, passive = suffered(sentence).keys() & words, suffered(caption).keys() & said
+    against |= bool(active) and not (suffered(caption) or words & {"him", "them"})
+    against |= bool(passive) and not suffered(sentence)
     ways = [{gait.direction == "place" for gait in _gaits_of(text)} for text in (sentence, caption)]
     return not against and (ways[0] == ways[1] or True not in ways[0] | ways[1])
 

@@ -15,21 +15,19 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from jaxtyping import Float
-
 from latentmotion.condition import TextEncoder
 from latentmotion.language.acts import of_a_person
 from latentmotion.language.reading import affirmed, request_of, told_in_order
 from latentmotion.language.words import (
     ENDINGS,
+    clauses_of,
     parts_of,
     refers_back,
     with_words,
     words_of,
 )
 from latentmotion.retrieval.fit import MOST_COMPARED, fitting
-from latentmotion.retrieval.index import DRAWN, SHOWN, ClipIndex, Neighbor
+from latentmotion.retrieval.index import DRAWN, SHOWN, ClipIndex
 from latentmotion.retrieval.wordings import in_words_of_captions
 from latentmotion.text.encoder import pieces
 
@@ -65,6 +63,7 @@ class Doubt:
     about: str  # The words in question.
     reason: str  # Why it is not known.
     nearest: str  # The nearest caption that the model learned.
+    is_far: bool = False  # Whether no more than that caption's distance speaks against it.
 
     def __str__(self) -> str:
         doubt = f'not sure about "{self.about}" ({self.reason})'
@@ -133,7 +132,7 @@ class Doubts:
             ordered,
             said != corrected,
             tuple(corrections.items()),
-            self.doubt(said),
+            self.doubt(ordered),
             in_words_of_captions(parts, self.index, self.text_encoder),
         )
 
@@ -185,14 +184,18 @@ class Doubts:
             if number and refers_back(part):
                 continue
             drawn = neighbor.caption.support == DRAWN
-            misfit = drawn and not request_of(part).claims and not self._fitting(vectors, part)
+            misfit = drawn and not request_of(part).claims
+            if misfit:
+                others = self.index.nearest(vectors, MOST_COMPARED)
+                misfit = not fitting(others, vectors, part, self.index)
             if misfit or neighbor.cosine < (FAR_OF_DRAWN if drawn else FAR):
-                return Doubt(part.strip(), "no caption is near", caption)
+                # Of clauses that start on their own only those are told that are far, too.
+                clauses = clauses_of(part, self.is_word)
+                far = Doubt(part.strip(), "no caption is near", caption, is_far=True)
+                doubt = self.doubt(", then ".join(clauses)) if len(clauses) > 1 else far
+                if doubt:
+                    return doubt
         return None
-
-    def _fitting(self, vectors: Float[np.ndarray, "texts width"], part: str) -> list[Neighbor]:
-        near = self.index.nearest(vectors, MOST_COMPARED)
-        return fitting(near, vectors, part, self.index)
 
     def _foreign_word(self, sentence: str) -> str | None:
         """Returns the word that no caption has and that matters most, None if none matters."""

@@ -202,27 +202,18 @@ class ClipStarts:
                 clip is made as short.
         """
         (seed,) = request.seeds
+        rarest = min((c for c in choices if c.neighbors), key=lambda choice: choice.support)
         chosen = [choice.clip_for(seed) for choice in choices]
         parts = self._parts(choices, chosen, request)
         needed = self._needed(parts)
         choices, chosen = [choices[n] for n in needed], [chosen[n] for n in needed]
         parts = [parts[n] for n in needed]
-        if len(parts) > 1 and _climbs(" ".join(choice.sentence for choice in choices)):
+        sentence = " ".join(choice.sentence for choice in choices)
+        if len(parts) > 1 and any(c.kind == "climb" for c in request_of(sentence).claims):
             parts = self._staying_up(parts, choices)
         seams = [self._seam(*pair) for pair in pairwise(parts)]
         if frames is None:
-            pairs = zip(chosen, choices, strict=True)
-            longer = [_pace(n.caption.text, c.sentence) if n else 1.0 for n, c in pairs]
-            parts = [
-                stretched(part, round(f * len(part))) for part, f in zip(parts, longer, strict=True)
-            ]
-            shortest, longest = self.card.frames
-            shown = any(choice.support == SHOWN for choice in choices)
-            if limits and not shown and len(choices) == 1:
-                longest = int(min(longest, limits[1] * self.representation.fps))
-            frames = (sum(map(len, parts)) + sum(seams)) * self._frames_per_token
-            frames = min(max(frames, shortest), longest)
-        rarest = min((c for c in choices if c.neighbors), key=lambda choice: choice.support)
+            parts, frames = self._lengths(parts, seams, choices, chosen, limits)
         support = rarest.support
         left, keep = next(((s, k) for most, s, k in SHARES if support <= most), SHARES[-1][1:])
         if len(parts) > 1:  # each movement is as it is wanted but for the seams between
@@ -235,6 +226,27 @@ class ClipStarts:
         beneath = [choice.under.clip_for(seed) for choice in choices if choice.under]
         about = tuple(self.chooser.index.about(clip) for clip in [*chosen, *beneath] if clip)
         return ClipStart(start, frames, about, len(choices), likely * usual)
+
+    def _lengths(
+        self,
+        parts: Sequence[Float[np.ndarray, "_ width"]],
+        seams: Sequence[int],
+        choices: Sequence[Choice],
+        chosen: Sequence[Neighbor | None],
+        limits: tuple[float, float] | None,
+    ) -> tuple[list[Float[np.ndarray, "_ width"]], int]:
+        """Returns movements in a row at the pace that is asked for, and the frames of the row."""
+        paced: list[np.ndarray] = []
+        for part, choice, neighbor in zip(parts, choices, chosen, strict=True):
+            caption = neighbor.caption.text if neighbor else choice.sentence
+            said = {*words_of(choice.sentence)} - {*words_of(caption)}
+            slow, fast = (not listed(pace).isdisjoint(said) for pace in ("slow", "fast"))
+            paced.append(stretched(part, round(LONGEST_STRETCH ** (slow - fast) * len(part))))
+        shortest, longest = self.card.frames
+        if limits and len(choices) == 1 and choices[0].support != SHOWN:
+            longest = int(min(longest, limits[1] * self.representation.fps))
+        frames = (sum(map(len, paced)) + sum(seams)) * self._frames_per_token
+        return paced, min(max(frames, shortest), longest)
 
     @property
     def _frames_per_token(self) -> int:
@@ -398,17 +410,6 @@ def joined(
         row.append(part)
         keeps += [0.0] * seam + [keep] * len(part)
     return np.concatenate(row)[:tokens], np.array(keeps[:tokens])
-
-
-def _climbs(sentence: str) -> bool:
-    return any(claim.kind == "climb" for claim in request_of(sentence).claims)
-
-
-def _pace(caption: str, sentence: str) -> float:
-    """Returns how much longer than a clip a movement lasts that is slow or fast unlike it."""
-    said = {*words_of(sentence)} - {*words_of(caption)}
-    slow, fast = (not said.isdisjoint(listed(pace)) for pace in ("slow", "fast"))
-    return LONGEST_STRETCH ** (slow - fast)
 
 
 def stretched(
