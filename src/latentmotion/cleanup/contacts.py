@@ -68,16 +68,9 @@ def foot_contacts(
     begins, lasts = (
         (height < limits[0][n]) & (across < limits[1][n]) & (climb < limits[2][n]) for n in (0, 1)
     )
-    shortest = max(1, round(settings.shortest * fps))
-    columns = (len(lasts), -1)
-    standing = _contacts(begins.reshape(columns), lasts.reshape(columns), shortest)
-    return standing.reshape(lasts.shape)
-
-
-def _contacts(
-    begins: Bool[np.ndarray, "frames feet"], lasts: Bool[np.ndarray, "frames feet"], shortest: int
-) -> Bool[np.ndarray, "frames feet"]:
-    """Returns contacts where they last, as long as they begin somewhere, none and no gap short."""
+    # Contacts are where they last, as long as they begin somewhere; none and no gap is short.
+    shortest, shape = max(1, round(settings.shortest * fps)), lasts.shape
+    begins, lasts = (flags.reshape(len(flags), -1) for flags in (begins, lasts))
     begun = np.concatenate([np.zeros((1, lasts.shape[1]), int), np.cumsum(begins, axis=0)])
     foot, start, end = contact_phases(lasts).T
     begin = begun[end, foot] > begun[start, foot]
@@ -89,7 +82,7 @@ def _contacts(
     long = end - start >= shortest
     steps = np.zeros((len(lasts) + 1, lasts.shape[1]), np.int8)
     steps[start[long], foot[long]], steps[end[long], foot[long]] = 1, -1
-    return np.cumsum(steps[:-1], axis=0) > 0
+    return (np.cumsum(steps[:-1], axis=0) > 0).reshape(shape)
 
 
 def contact_phases(standing: Bool[np.ndarray, "frames feet"]) -> Int[np.ndarray, "contacts 3"]:

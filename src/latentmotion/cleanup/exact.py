@@ -149,7 +149,11 @@ def _arrangements(joints: Joints, found: Repetitions, asked: Count) -> list[Piec
     for event in found.full if asked.act != "step" else ():  # one foot or the other always steps
         free[event.start + 1 : event.end] = False
     passed = _passed([0.5 * (event.start + event.end) for event in found.full], frames)
-    weak, apart = _passed(found.weak, frames), _distances(joints)
+    weak = _passed(found.weak, frames)
+    # The distance of every two poses with their speeds, as seen by the body, meters.
+    poses = pose_descriptors(joints, HUMANML3D_FEATURES.fps, HUMANML3D_FEATURES.skeleton, frames)
+    squares = (poses**2).sum(axis=1)
+    apart = np.sqrt(np.maximum(squares[:, None] + squares - 2 * poses @ poses.T, 0))
     again = passed - passed[:, None]
     possible: list[tuple[float, Pieces]] = []
     for left in range(all_of_them + 1):
@@ -187,14 +191,6 @@ def _passed(
 ) -> Int[np.ndarray, " frames"]:
     """Returns how many of some moments are before each frame."""
     return (np.asarray(middles).reshape(-1, 1) < frames).sum(axis=0)
-
-
-def _distances(joints: Joints) -> Float[np.ndarray, "frames frames"]:
-    """Returns the distance of every two poses with their speeds, as seen by the body, meters."""
-    fps, skeleton = HUMANML3D_FEATURES.fps, HUMANML3D_FEATURES.skeleton
-    poses = pose_descriptors(joints, fps, skeleton, np.arange(len(joints)))
-    squares = (poses**2).sum(axis=1)
-    return np.sqrt(np.maximum(squares[:, None] + squares - 2 * poses @ poses.T, 0))
 
 
 # Share of the degrees asked that a motion turns at least; less may be no turn at all.

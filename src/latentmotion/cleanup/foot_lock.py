@@ -138,15 +138,15 @@ def _posed(
     for joint in (hip, knee, ankle):
         joint[..., 1] -= down
     line = goals - hip
-    wanted = length(line)
-    # The nearer a leg is to straight, the less of the wanted length it gets: a knee that stops
+    distance = length(line)
+    # The nearer a leg is to straight, the less of that distance it gets: a knee that stops
     # at once where the leg is straight would snap.
     easy = np.maximum(settings.stretch[0] * whole, before)
     room = np.maximum(settings.stretch[1] * whole - easy, 0.1 * np.maximum(whole - easy, 0))
     room = room + 1e-6
-    over = np.maximum(0, wanted - easy)
-    stretched = np.minimum(wanted, easy) + room * (1 - np.exp(-over / room))
-    share = stretched / np.maximum(wanted, 1e-9)
+    over = np.maximum(0, distance - easy)
+    stretched = np.minimum(distance, easy) + room * (1 - np.exp(-over / room))
+    share = stretched / np.maximum(distance, 1e-9)
     ahead = 0.1 * (moved[:, :, toes] - ankle)
     if len(legs) > 1:  # across from the right hip to the left
         ahead = ahead + cross(hip[:, :, :1] - hip[:, :, 1:], hip - ankle)

@@ -45,13 +45,9 @@ def find_legs(skeleton: Skeleton) -> tuple[Leg, ...]:
         upper = next((n for n, j in enumerate(chain) if len(skeleton.children(j)) > 1), 0)
         if upper >= 3:
             hip, knee, ankle = chain[upper - 1], chain[upper - 2], chain[upper - 3]
-            legs.append(Leg(hip, knee, ankle, _below(skeleton, ankle), foot))
+            below = (j for j, line in enumerate(skeleton.lines) if ankle in line[1:])
+            legs.append(Leg(hip, knee, ankle, tuple(below), foot))
     return tuple(legs)
-
-
-def _below(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
-    children = skeleton.children(joint)
-    return children + tuple(j for child in children for j in _below(skeleton, child))
 
 
 def reach(

@@ -72,6 +72,8 @@ def unrolled(motion: Motion, before: int, after: int) -> Motion:
 def rolled_up(whole: Motion, motion: Motion) -> Motion:
     """Returns the turn in the middle of what `unrolled` made of a loop, with its closing frame.
 
+    Its seam is smoothed until it accelerates by no more than before.
+
     Args:
         whole: As many turns before as after the one that is kept, or one less after it.
         motion: The loop as it was.
@@ -79,8 +81,22 @@ def rolled_up(whole: Motion, motion: Motion) -> Motion:
     count = len(motion) - 1
     first = turns_beside(motion) * count
     joints = whole.joints[first : first + count + 1]
-    turn_alone = replace(motion, joints=joints, metadata={**whole.metadata, "loop": True})
-    return _as_smooth(turn_alone, seam_acceleration(motion))
+    loop = replace(motion, joints=joints, metadata={**whole.metadata, "loop": True})
+    skeleton, most = loop.skeleton, seam_acceleration(motion)
+    beside = unrolled(loop, 1, 1).joints.astype(np.float64)
+    bones = beside[:, 1:] - beside[:, list(skeleton.parents[1:])]
+    lengths = np.linalg.norm(bones, axis=-1, keepdims=True)
+    away = np.abs((np.arange(len(beside)) + count // 2) % count - count // 2)
+    near = np.clip(1 - away / (_SEAM * loop.fps), 0, 1)[:, None, None]
+    near, smoothed = near**2 * (3 - 2 * near), loop
+    for deviation in _DEVIATIONS * loop.fps:
+        if seam_acceleration(smoothed) <= most:
+            break
+        root, ways = (x + near * (gaussian(x, deviation) - x) for x in (beside[:, :1], bones))
+        joints = joints_of_bones(root[:, 0], lengths * unit(ways), skeleton)
+        joints = joints[count : 2 * count + 1].astype(np.float32)
+        smoothed = replace(loop, joints=joints)
+    return smoothed
 
 
 def seam_acceleration(loop: Motion) -> float:
@@ -89,22 +105,3 @@ def seam_acceleration(loop: Motion) -> float:
     facing = np.unwrap(heading(joints, loop.skeleton))
     around = turn(joints - joints[:, :1] * (1, 0, 1), -facing[:, None])[count - 3 : count + 4]
     return float(np.linalg.norm(np.diff(around, n=2, axis=0), axis=-1).max()) * loop.fps**2
-
-
-def _as_smooth(loop: Motion, most: float) -> Motion:
-    """Returns a loop whose seam is smoothed until it accelerates by no more than `most`, m/s²."""
-    skeleton, count = loop.skeleton, len(loop) - 1
-    whole = unrolled(loop, 1, 1).joints.astype(np.float64)
-    bones = whole[:, 1:] - whole[:, list(skeleton.parents[1:])]
-    lengths = np.linalg.norm(bones, axis=-1, keepdims=True)
-    away = np.abs((np.arange(len(whole)) + count // 2) % count - count // 2)
-    near = np.clip(1 - away / (_SEAM * loop.fps), 0, 1)[:, None, None]
-    near, smoothed = near**2 * (3 - 2 * near), loop
-    for deviation in _DEVIATIONS * loop.fps:
-        if seam_acceleration(smoothed) <= most:
-            break
-        root, ways = (x + near * (gaussian(x, deviation) - x) for x in (whole[:, :1], bones))
-        joints = joints_of_bones(root[:, 0], lengths * unit(ways), skeleton)
-        joints = joints[count : 2 * count + 1].astype(np.float32)
-        smoothed = replace(loop, joints=joints)
-    return smoothed

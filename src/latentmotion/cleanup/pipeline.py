@@ -159,7 +159,7 @@ def clean_batch(
         if len(exact) != len(motion):
             recorded[number] = None  # its frames are others
     return [
-        after.with_recorded(source and source.following(before.joints, after.joints))
+        after.with_recorded(source.following(before.joints, after.joints)) if source else after
         for before, after, source in zip(motions, cleaned, recorded, strict=True)
     ]
 
@@ -188,7 +188,7 @@ def _clean_alike(
         return numbered[0] // _GROUPS, first.fps, first.skeleton
 
     for (_, fps, skeleton), members in groupby(enumerate(alike(motions)), kind):
-        groups, parts, degrees = [numbers for _, numbers in members], [], []
+        groups, parts, turned_by = [numbers for _, numbers in members], [], []
         for numbers in groups:
             joints = np.stack([motions[n].joints for n in numbers], axis=1).astype(np.float64)
             turns = [corrections[n].turn if steps.exact_turn else None for n in numbers]
@@ -198,18 +198,18 @@ def _clean_alike(
             if steps.smooth:
                 joints = keep_knee_direction(steadied(joints, fps, steps.cutoff), joints, skeleton)
             parts.append(joints)
-            degrees.append(turned_before)
+            turned_by.append(turned_before)
         even = even_bones(parts, fps, skeleton) if steps.bones else parts
-        every = zip(groups, parts, even, degrees, strict=True)
+        every = zip(groups, parts, even, turned_by, strict=True)
         for numbers, before, joints, turned in counted(list(every), "cleaning up"):
             batch = [motions[n] for n in numbers]
             _warn_of_far(before, joints, batch)
             on_floor = np.array([corrections[n].on_floor for n in numbers])
             joints = _grounded(joints, batch, steps, on_floor).astype(np.float32)
-            for column, (number, made) in enumerate(zip(numbers, turned, strict=True)):
+            for column, (number, degrees) in enumerate(zip(numbers, turned, strict=True)):
                 about, turn = dict(motions[number].metadata), corrections[number].turn
-                if turn is not None and made is not None and steps.exact_turn:
-                    about["turn"] = {**asdict(turn), "made": round(made, 1)}
+                if turn is not None and degrees is not None:
+                    about["turn"] = {**asdict(turn), "made": round(degrees, 1)}
                 cleaned[number] = replace(motions[number], joints=joints[:, column], metadata=about)
     return cleaned
 

@@ -327,14 +327,13 @@ def goal_report(goals: Sequence[Directed], before: Motion, after: Motion) -> dic
 
 def _missed(goal: Directed, motion: Motion) -> float:
     """Returns how far a motion is from a goal: meters, or degrees of a heading or a look."""
-    skeleton = motion.skeleton
     if isinstance(goal, LookAt):
         return missed_looks(motion, goal)
+    joints, skeleton = motion.joints.astype(np.float64), motion.skeleton
     targets = targets_of([goal], len(motion), motion.fps, skeleton, None)
     if isinstance(goal, Heading):
-        gaps = heading_gaps(motion.joints.astype(np.float64), targets, skeleton)
-        return float(np.degrees(np.abs(gaps).max()))
-    return float(distances(motion.joints.astype(np.float64), targets, skeleton).max())
+        return float(np.degrees(np.abs(heading_gaps(joints, targets, skeleton)).max()))
+    return float(distances(joints, targets, skeleton).max())
 
 
 def unmet(motion: Motion) -> str | None:

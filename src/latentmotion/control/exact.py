@@ -68,7 +68,12 @@ def hold_targets(joints: Joints, targets: Targets, fps: float, skeleton: Skeleto
     offsets = {int(f): np.full(3, gap) for f, gap in zip(targets.turned, missing, strict=True)}
     angle, root = spread(offsets, len(joints), BLEND * fps)[:, :1], joints[:, :1]
     turned = root + turn(joints - root, angle)
-    body = _trunk_offsets(turned, targets, limbs.ends, poses, skeleton)
+    # How far the body is moved for its goals that are not at the end of a limb.
+    body, gaps = dict[int, np.ndarray](), targets.gaps(turned, skeleton)
+    for point in np.argsort(targets.joints, kind="stable").tolist():
+        frame, joint = int(targets.frames[point]), int(targets.joints[point])
+        if joint not in limbs.ends and (joint == 0 or frame not in poses):
+            body.setdefault(frame, gaps[point])
     moved = turned
     for _ in range(_ROUNDS):
         curve = spread(body, len(joints), BLEND * fps)
@@ -192,21 +197,6 @@ def _rotation_between(
     sine = np.linalg.norm(cross, axis=-1, keepdims=True)
     angle = np.arctan2(sine, (start * end).sum(axis=-1, keepdims=True))
     return cross / np.maximum(sine, 1e-9) * angle
-
-
-def _trunk_offsets(
-    joints: Joints, targets: Targets, ends: set[int], poses: Sequence[int], skeleton: Skeleton
-) -> dict[int, np.ndarray]:
-    """Returns how far the body is moved for its goals that are not at the end of a limb."""
-    offsets: dict[int, np.ndarray] = {}
-    gaps = targets.gaps(joints, skeleton)
-    for point in np.argsort(targets.joints, kind="stable").tolist():
-        frame, joint = int(targets.frames[point]), int(targets.joints[point])
-        if frame in poses and joint != 0:
-            continue
-        if joint not in ends and frame not in offsets:
-            offsets[frame] = gaps[point]
-    return offsets
 
 
 class _Limbs:

@@ -44,7 +44,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from latentmotion.arrays import cross, quantile, unit
 from latentmotion.kinematics.bone_names import SIDES
@@ -296,42 +296,35 @@ class _Solver:
         ]
 
     def _fit_branch(self, joint: int) -> Float[np.ndarray, "frames motions 3 3"]:
-        """Fits rotation and rest directions of the bones that leave a joint."""
+        """Fits rotation and rest directions of the bones that leave a joint.
+
+        Necks and collars of some skeletons lie at one point, and so say nothing of how the chest is
+        turned about them; shoulders and hips do.
+        """
         children = list(self.children[joint])
         # The hips say how the pelvis is turned; the spine bends above it and has less of a say.
         spine = [self.skeleton.names[child].startswith("spine") for child in children]
         weights = np.where(spine, 0.2, 1.0)[:, None]
         bones = np.ascontiguousarray(self.bones[:, :, children])
-        alike, shown = self._at_one_point(joint, children)
+        places = self.joints[:, :, children]
+        apart = np.linalg.norm(places - places[:, :, :1], axis=-1).max(axis=-1)
+        alike, shown = quantile(apart, 0.5) < _APART, None
+        ends = [self.children[child][0] for child in children if self.children[child]]
+        sides = [j for j in ends if self.skeleton.names[j].partition("_")[0] in SIDES]
+        if alike.any() and sides:
+            hips = [j for j, name in enumerate(self.skeleton.names) if name.endswith("_hip")]
+            up = self.joints[:, :, [joint]] - self.joints[:, :, hips].mean(axis=2, keepdims=True)
+            across = self.joints[:, :, sides] - self.joints[:, :, sides].mean(axis=2, keepdims=True)
+            axes = unit(np.concatenate([across, up], axis=2))
+            shown = np.swapaxes(axes, -1, -2) @ np.array([*self.rest[0, sides], (0, 1, 0)])
         for _ in range(3):
             rest = weights * self.rest[:, children]
             products = np.swapaxes(bones, -1, -2) @ rest
-            if alike.any():
+            if shown is not None:
                 products[:, alike] = shown[:, alike]
             rotation = nearest_rotation(products)
             self.rest[:, children] = unit((bones @ rotation).sum(axis=0))
         return rotation
-
-    def _at_one_point(
-        self, joint: int, children: list[int]
-    ) -> tuple[Bool[np.ndarray, " motions"], Float[np.ndarray, "frames motions 3 3"]]:
-        """Returns in which motions a joint's children lie at one point, and what shows its turn.
-
-        Necks and collars of some skeletons do, and so say nothing of how the chest is turned about
-        them; shoulders and hips do.
-        """
-        places = self.joints[:, :, children]
-        apart = np.linalg.norm(places - places[:, :, :1], axis=-1).max(axis=-1)
-        alike = quantile(apart, 0.5) < _APART
-        ends = [self.children[child][0] for child in children if self.children[child]]
-        sides = [j for j in ends if self.skeleton.names[j].partition("_")[0] in SIDES]
-        if not alike.any() or not sides:
-            return alike & False, np.zeros((*self.joints.shape[:2], 3, 3))
-        hips = [j for j, name in enumerate(self.skeleton.names) if name.endswith("_hip")]
-        up = self.joints[:, :, [joint]] - self.joints[:, :, hips].mean(axis=2, keepdims=True)
-        across = self.joints[:, :, sides] - self.joints[:, :, sides].mean(axis=2, keepdims=True)
-        axes, rest = unit(np.concatenate([across, up], axis=2)), [*self.rest[0, sides], (0, 1, 0)]
-        return alike, np.swapaxes(axes, -1, -2) @ np.array(rest)
 
     def _levels(self) -> list[list[int]]:
         """Returns the joints that are no branches, parents first; all limbs turn together."""

@@ -215,13 +215,11 @@ def climbs_of(signals: Signals) -> list[Event]:
     return climbs
 
 
-def steps_of(signals: Signals) -> int:
-    """Counts swings of a foot that carry it over the floor by 15 cm and more."""
-    return len(strides_of(signals))
-
-
 def strides_of(signals: Signals) -> list[tuple[int, int]]:
-    """Returns the first frame and one past the last of every step of both feet, by start."""
+    """Returns the first frame and one past the last of every step of both feet, by start.
+
+    A step is a swing of a foot that carries it over the floor by 15 cm and more.
+    """
     strides = []
     for name in ("left_foot", "right_foot"):
         toe = signals.joints[:, JOINT[name]]

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from latentmotion.measure import limbs, whole_body
 from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, FloorPath, among
 from latentmotion.measure.signals import Signals, activity_of, measure, twist_of
+from latentmotion.measure.whole_body import POSES
 
 
 def describe(joints: Float[np.ndarray, "frames joints 3"]) -> Measured:
@@ -84,7 +85,8 @@ class Measured(Description):
     def all_of(self, *kinds: str) -> list[Event]:
         """Returns the events, moves, turns, postures and poses of some kinds, by start."""
         events = [event for kind in kinds for event in self.find(kind)]
-        events += [pose for pose in self.poses if pose.kind in kinds]
+        if not POSES.isdisjoint(kinds):
+            events += [pose for pose in self.poses if pose.kind in kinds]
         return sorted(events, key=lambda event: event.start)
 
     @cached_property
@@ -139,7 +141,7 @@ class Measured(Description):
     punches = _of_signals(limbs.punches_of)
     arm_circles = _of_signals(limbs.arm_circles_of)
     claps = _of_signals(limbs.claps_of)
-    steps = _of_signals(limbs.steps_of)
+    steps = _of_signals(lambda signals: len(limbs.strides_of(signals)))
     twist = _of_signals(twist_of)
     activity = _of_signals(activity_of)
     poses = _of_signals(whole_body.poses_of)

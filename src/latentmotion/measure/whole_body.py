@@ -256,6 +256,10 @@ def dips_of(signals: Signals, changes: list[Event]) -> list[Event]:
     return dips
 
 
+# Kinds of poses.
+POSES = {"arms_out", "hands_on_hips", "touch_head", "crawl", "jack"}
+
+
 def poses_of(signals: Signals) -> tuple[Event, ...]:
     """Returns `arms_out`, `hands_on_hips`, `touch_head`, `crawl` and `jack`, by start."""
     wrists = [signals.of(f"{side}_wrist") for side in SIDES]

@@ -158,7 +158,7 @@ def ranked(
     for motion, match, after, advantage in zip(
         motions, matches.tolist(), cleaned, advantages, strict=True
     ):
-        joints, fps = motion.joints, motion.fps
+        joints, fps = motion.joints.astype(np.float64), motion.fps
         sliding, depth = foot_sliding(joints, fps, motion.skeleton), penetration(joints)
         hovers, jerk, claims = floating(joints, fps), jitter(joints, fps), 0.0
         final = (after or motion).joints.astype(np.float64)
