@@ -272,10 +272,10 @@ def ground_path(
 
 
 def in_place(
-    joints: Float[np.ndarray, "frames *batch joints 3"], fps: float, seconds: float = 0.25
+    joints: Float[np.ndarray, "frames *batch joints 3"], fps: float
 ) -> Float[np.ndarray, "frames *batch joints 3"]:
     """Returns the joints without root motion: the figure stays above the origin."""
-    return joints - ground_path(joints, fps, seconds)[..., None, :]
+    return joints - ground_path(joints, fps)[..., None, :]
 
 
 def _named(motion: Motion) -> str:

@@ -52,6 +52,8 @@ from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 
+Curve = Float[np.ndarray, " frames"]
+
 Joints = Float[np.ndarray, "frames joints 3"]
 
 # Correlation of a latent with the one before, in recordings of the test split: 0.7 to 0.95.
@@ -274,7 +276,7 @@ def body_scale(
 
 def camera_distance(
     points: Float[np.ndarray, "frames keypoints 2"], names: tuple[str, ...], fps: float
-) -> Float[np.ndarray, " frames"]:
+) -> Curve:
     """Returns how far away a person is, meters, by the size that a camera sees.
 
     Raises:
@@ -411,7 +413,7 @@ def _placed(motion: DecodedMotion, p: Float[np.ndarray, " numbers"], width: int)
 
 
 def _start(
-    capture: Capture, motion: DecodedMotion, yaw: Float[np.ndarray, " frames"], floor: float
+    capture: Capture, motion: DecodedMotion, yaw: Curve, floor: float
 ) -> Float[np.ndarray, " numbers"]:
     """Returns latents and placement to begin with, from smoothed keypoints.
 
@@ -502,7 +504,7 @@ def rough_joints(capture: Capture) -> tuple[Joints, Bool[np.ndarray, "frames joi
     return joints, observed
 
 
-def _headings(capture: Capture) -> list[Float[np.ndarray, " frames"]]:
+def _headings(capture: Capture) -> list[Curve]:
     """Returns the headings of the body to begin with: one, or those that are as likely."""
     across = _across(capture, _TRUNK, 2.0)
     if not capture.flat:
@@ -538,7 +540,7 @@ def _across(
     return total
 
 
-def _headings_of_path(capture: Capture) -> list[Float[np.ndarray, " frames"]]:
+def _headings_of_path(capture: Capture) -> list[Curve]:
     """Returns the heading of a person walking ahead, or nothing if the pelvis stays."""
     path = rough_joints(capture)[0][:, 0]
     if np.linalg.norm(path[-1] - path[0]) <= 0.5:
@@ -548,9 +550,7 @@ def _headings_of_path(capture: Capture) -> list[Float[np.ndarray, " frames"]]:
     return [_heading_of(way[:, 2], way[:, 0])]
 
 
-def _heading_of(
-    ahead: Float[np.ndarray, " frames"], aside: Float[np.ndarray, " frames"]
-) -> Float[np.ndarray, " frames"]:
+def _heading_of(ahead: Curve, aside: Curve) -> Curve:
     """Returns the angle about y that turns +z that way, without leaps."""
     return np.unwrap(np.arctan2(aside, ahead))
 
@@ -606,9 +606,7 @@ def _bridged(observation: Observation, joints: Joints, fps: float) -> Joints:
     return bridged
 
 
-def _joined(
-    pieces: list[tuple[int, Float[np.ndarray, "_ joints 3"]]], count: int
-) -> Float[np.ndarray, "frames joints 3"]:
+def _joined(pieces: list[tuple[int, Float[np.ndarray, "_ joints 3"]]], count: int) -> Joints:
     """Returns windows as one: where two overlap, one goes over to the other."""
     whole = np.zeros((count, *pieces[0][1].shape[1:]))
     for start, piece in pieces:
@@ -652,9 +650,7 @@ class Observation:
         shares[rows, np.minimum(before + 1, self.frames - 1)] += share
         return shares
 
-    def missing(
-        self, placed: Float[np.ndarray, "frames joints 3"]
-    ) -> Float[np.ndarray, "observed keypoints coordinates"]:
+    def missing(self, placed: Joints) -> Float[np.ndarray, "observed keypoints coordinates"]:
         """Returns seen minus expected, meters, for joints where the tracker sees them."""
         expected = self._keypoints(placed)
         if self.depth is not None:
@@ -663,11 +659,8 @@ class Observation:
         return self.points - expected
 
     def loss(
-        self,
-        joints: Float[np.ndarray, "frames joints 3"],
-        placement: Float[np.ndarray, " 5"],
-        noise: float,
-    ) -> tuple[float, Float[np.ndarray, "frames joints 3"], Float[np.ndarray, " 5"]]:
+        self, joints: Joints, placement: Float[np.ndarray, " 5"], noise: float
+    ) -> tuple[float, Joints, Float[np.ndarray, " 5"]]:
         """Returns Huber's loss, and its derivatives by joints and placement.
 
         Args:
@@ -700,9 +693,7 @@ class Observation:
             of_placement[4] = 0
         return float((self.weights * value).sum()), turn(back, np.array(-yaw)), of_placement
 
-    def _keypoints(
-        self, placed: Float[np.ndarray, "frames joints 3"]
-    ) -> Float[np.ndarray, "observed keypoints 3"]:
+    def _keypoints(self, placed: Joints) -> Float[np.ndarray, "observed keypoints 3"]:
         return np.einsum("kj,ojc->okc", self.joints, np.tensordot(self.times, placed, 1))
 
 

@@ -24,6 +24,8 @@ from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
+Joints = Float[np.ndarray, "frames joints 3"]
+
 FASTEST = 8.0  # Meters per second that a person can run.
 
 # Height of the pelvis, meters, that a standing body does not exceed.
@@ -181,9 +183,7 @@ class Targets:
         """True on coordinates that are given."""
         return np.isfinite(self.places)
 
-    def gaps(
-        self, joints: Float[np.ndarray, "frames joints 3"], skeleton: Skeleton
-    ) -> Float[np.ndarray, "points 3"]:
+    def gaps(self, joints: Joints, skeleton: Skeleton) -> Float[np.ndarray, "points 3"]:
         """Returns what is missing from each point to its place, meters in the world, 0 if free."""
         points = with_hands(joints, skeleton)
         gaps = np.nan_to_num(self.places - points[self.frames, self.joints])
@@ -210,7 +210,7 @@ class TargetResidual:
     targets: Targets
     skeleton: Skeleton
 
-    def __call__(self, joints: Float[np.ndarray, "frames joints 3"]) -> Float[np.ndarray, " rows"]:
+    def __call__(self, joints: Joints) -> Float[np.ndarray, " rows"]:
         """Returns goal minus joint, meters; a radian of heading counts as 0.3 m."""
         targets = self.targets
         gaps = targets.gaps(joints, self.skeleton)
@@ -219,9 +219,7 @@ class TargetResidual:
         turns = heading_gaps(joints, targets, self.skeleton)
         return np.concatenate([gaps[targets.fixed], _TURN * turns])
 
-    def gradient(
-        self, joints: Float[np.ndarray, "frames joints 3"]
-    ) -> Float[np.ndarray, "rows frames joints 3"]:
+    def gradient(self, joints: Joints) -> Float[np.ndarray, "rows frames joints 3"]:
         """Returns the derivatives of these coordinates and headings.
 
         The directions of a body and of a forearm count as if they did not change.
@@ -260,7 +258,7 @@ class TargetResidual:
                 gradient[row, frame, joint] = sign * slope
         return gradient
 
-    def _facing(self, joints: Float[np.ndarray, "frames joints 3"]) -> Float[np.ndarray, " points"]:
+    def _facing(self, joints: Joints) -> Float[np.ndarray, " points"]:
         """Returns the direction in which the coordinates of each point are given."""
         targets = self.targets
         if targets.origins is None:
@@ -270,7 +268,7 @@ class TargetResidual:
 
 
 def heading_gaps(
-    joints: Float[np.ndarray, "frames joints 3"], targets: Targets, skeleton: Skeleton
+    joints: Joints, targets: Targets, skeleton: Skeleton
 ) -> Float[np.ndarray, " headings"]:
     """Returns what is missing to each heading, radians from -π to π."""
     turns = targets.headings - heading(joints[targets.turned], skeleton)

@@ -39,7 +39,7 @@ Latents = Float[np.ndarray, "tokens width"]
 Joints = Float[np.ndarray, "frames joints 3"]
 
 # Samples latents for so many frames, its estimates of the clean latents corrected by a function.
-Sample = Callable[[int, Callable[[np.ndarray], np.ndarray]], Float[np.ndarray, "tokens width"]]
+Sample = Callable[[int, Callable[[np.ndarray], np.ndarray]], Latents]
 
 # Most halvings of a step that brings joints no nearer to their goals.
 _HALVINGS = 4
@@ -262,7 +262,7 @@ def joint_features(representation: Representation) -> int:
 def joints_pullback(
     representation: Representation,
     features: Float[np.ndarray, "frames features"],
-    joints: Float[np.ndarray, "frames joints 3"],
+    joints: Joints,
     gradient: Float[np.ndarray, "rows frames joints 3"],
 ) -> Float[np.ndarray, "rows frames first_features"]:
     """Returns the gradients of the features that say where joints are, in their own units.
@@ -295,26 +295,21 @@ def joints_pullback(
     return pulled
 
 
-# Steps that L-BFGS remembers.
-_MEMORY = 12
+# Steps that L-BFGS remembers by default, and takes at most to find the latents of joints.
+_MEMORY, _ITERATIONS = 12, 60
 
 
-def fit_latents(
-    motion: DecodedMotion,
-    joints: Float[np.ndarray, "frames joints 3"],
-    iterations: int = 60,
-) -> Float[np.ndarray, "tokens width"]:
+def fit_latents(motion: DecodedMotion, joints: Joints) -> Latents:
     """Returns latents, in the denoiser's scale, whose motion moves as the joints do.
 
     Args:
         motion: As long as the joints.
         joints: Positions, meters, of the model's skeleton.
-        iterations: Steps at most.
     """
     # The last frame has no velocity; the one before is kept.
     ahead = joints[-1:] + (joints[-1:] - joints[-2:-1])
     features = motion.representation.encode(np.concatenate([joints, ahead]))
-    return fit_features(motion, features, np.ones(features.shape), 0.0, iterations)
+    return fit_features(motion, features, np.ones(features.shape), 0.0, _ITERATIONS)
 
 
 def fit_features(
@@ -323,7 +318,7 @@ def fit_features(
     weights: Float[np.ndarray, "frames features"],
     prior: float,
     iterations: int,
-) -> Float[np.ndarray, "tokens width"]:
+) -> Latents:
     """Returns latents, in the denoiser's scale, whose features are near given ones.
 
     Args:

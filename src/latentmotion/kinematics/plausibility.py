@@ -42,6 +42,8 @@ from jaxtyping import Float
 from latentmotion.arrays import length
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
 
+Joints = Float[np.ndarray, "frames joints 3"]
+
 _FADING_HEIGHT = 0.025
 _CONTACT_HEIGHT, _SKATING_SPEED = 0.05, 0.5
 _CARRIED_SPEED, _END_SECONDS = 0.3, 0.25
@@ -49,10 +51,7 @@ _LIFTED, _UP = 0.2, 0.6
 
 
 def foot_sliding(
-    joints: Float[np.ndarray, "frames joints 3"],
-    fps: float,
-    skeleton: Skeleton = HUMANML3D,
-    floor: float = 0.0,
+    joints: Joints, fps: float, skeleton: Skeleton = HUMANML3D, floor: float = 0.0
 ) -> float:
     """Returns the mean sliding speed of the feet, m/s; 0 for a single frame.
 
@@ -68,10 +67,7 @@ def foot_sliding(
 
 
 def skating_ratio(
-    joints: Float[np.ndarray, "frames joints 3"],
-    fps: float,
-    skeleton: Skeleton = HUMANML3D,
-    floor: float = 0.0,
+    joints: Joints, fps: float, skeleton: Skeleton = HUMANML3D, floor: float = 0.0
 ) -> float:
     """Returns the share of steps in which a foot skates, from 0 to 1."""
     speed, height = _steps(joints, fps, skeleton, floor)
@@ -80,7 +76,7 @@ def skating_ratio(
 
 
 def _steps(
-    joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton, floor: float
+    joints: Joints, fps: float, skeleton: Skeleton, floor: float
 ) -> tuple[Float[np.ndarray, "steps feet"], Float[np.ndarray, "steps feet"]]:
     """Returns horizontal speed, m/s, and the greater height of both ends, of each step."""
     feet = np.asarray(joints, dtype=np.float64)[:, [*skeleton.left_foot, *skeleton.right_foot]]
@@ -89,7 +85,7 @@ def _steps(
     return speed, np.maximum(height[1:], height[:-1])
 
 
-def jitter(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> float:
+def jitter(joints: Joints, fps: float) -> float:
     """Returns the mean jerk of the joints, m/s³; 0 for fewer than four frames.
 
     Args:
@@ -100,7 +96,7 @@ def jitter(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> float:
     return float(length(jerk).mean()) if len(jerk) else 0.0
 
 
-def penetration(joints: Float[np.ndarray, "frames joints 3"], floor: float = 0.0) -> float:
+def penetration(joints: Joints, floor: float = 0.0) -> float:
     """Returns the mean depth of the lowest joint below the floor, meters.
 
     Args:
@@ -111,11 +107,7 @@ def penetration(joints: Float[np.ndarray, "frames joints 3"], floor: float = 0.0
     return float(np.maximum(0, floor - lowest).mean())
 
 
-def unfinished(
-    joints: Float[np.ndarray, "frames joints 3"],
-    skeleton: Skeleton = HUMANML3D,
-    floor: float = 0.0,
-) -> Float[np.ndarray, " frames"]:
+def unfinished(joints: Joints, skeleton: Skeleton = HUMANML3D) -> Float[np.ndarray, " frames"]:
     """Returns how far from standing each pose is as an end of a motion, meters.
 
     It is how high the body is above the floor, and half of how high one who is up lifts a foot.
@@ -123,9 +115,8 @@ def unfinished(
     Args:
         joints: Joint positions, meters, y up; joint 0 is the root.
         skeleton: Says which joints are feet.
-        floor: Height of the floor, meters.
     """
-    heights = np.asarray(joints, dtype=np.float64)[..., 1] - floor
+    heights = np.asarray(joints, dtype=np.float64)[..., 1]
     lowest = heights.min(axis=1)
     flight = np.maximum(0, lowest - _CONTACT_HEIGHT)
     if not (skeleton.left_foot and skeleton.right_foot):
@@ -137,16 +128,15 @@ def unfinished(
     return flight + 0.5 * np.where(heights[:, 0] - lowest > _UP, lifted, 0.0)
 
 
-def floating(joints: Float[np.ndarray, "frames joints 3"], fps: float, floor: float = 0.0) -> float:
+def floating(joints: Joints, fps: float) -> float:
     """Returns the mean height of a body that nothing carries, meters.
 
     Args:
         joints: Joint positions, meters, y up; joint 0 is the root.
         fps: Frames per second.
-        floor: Height of the floor, meters.
     """
     exact = np.asarray(joints, dtype=np.float64)
-    height = np.maximum(0, exact[..., 1].min(axis=1) - floor - _CONTACT_HEIGHT)
+    height = np.maximum(0, exact[..., 1].min(axis=1) - _CONTACT_HEIGHT)
     if len(exact) < 2:
         return float(height.mean())
     slow = length(np.gradient(exact[:, 0], 1 / fps, axis=0)) < _CARRIED_SPEED
