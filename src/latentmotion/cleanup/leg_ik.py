@@ -89,7 +89,7 @@ def keep_knee_direction(moved: Joints, joints: Joints, skeleton: Skeleton) -> Jo
         skeleton: The skeleton, which defines the legs.
     """
     legs = find_legs(skeleton)
-    if len(legs) < 2:
+    if len(legs) < 2 or moved is joints:
         return moved
     chains = np.array([(leg.hip, leg.knee, leg.ankle) for leg in legs]).T
     after, ahead, bend = _bend(moved, chains)

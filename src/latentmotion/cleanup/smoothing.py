@@ -85,7 +85,7 @@ def steadied(
     level = np.median(length(shaking), axis=(0, 2))
     low, high = _SHAKING
     share = np.clip((level - low) / (high - low), 0, 1)
-    return joints - share[:, None, None] * shaking
+    return joints - share[:, None, None] * shaking if share.any() else joints
 
 
 # Hertz, as for `smooth`, and gain of what is above.

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
+from latentmotion.cleanup.leg_ik import find_legs
 from latentmotion.cleanup.leg_ik import reach as bend_leg
 from latentmotion.cleanup.pipeline import ground_path
 from latentmotion.control.goals import RootPath
@@ -164,7 +164,7 @@ def bent(
         )
         moved[:, leg.knee], moved[:, leg.ankle] = knee, ankle
         moved[:, list(leg.below)] = ankle[:, None] + foot
-    return keep_knee_direction(moved, moved, skeleton)
+    return moved
 
 
 def straightened(
