@@ -204,10 +204,7 @@ class Motion:
         return replace(self, joints=joints, caption=caption, metadata=metadata)
 
     def cleaned(
-        self,
-        steps: Any = None,
-        corrections: Corrections = NO_CORRECTIONS,
-        in_place: bool = False,
+        self, steps: Any = None, corrections: Corrections = NO_CORRECTIONS, in_place: bool = False
     ) -> Motion:
         """Returns the motion with still feet, constant bones and less jitter.
 

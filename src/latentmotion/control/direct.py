@@ -43,13 +43,7 @@ from latentmotion.control.goals import (
     targets_of,
 )
 from latentmotion.control.path import Curve, bent, straight_points, straightened
-from latentmotion.control.reach import (
-    Correction,
-    DecodedMotion,
-    ReachSettings,
-    Sample,
-    reach,
-)
+from latentmotion.control.reach import Correction, DecodedMotion, ReachSettings, Sample, reach
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError
 from latentmotion.kinematics.humanoid import Humanoid

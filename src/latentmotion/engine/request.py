@@ -148,11 +148,7 @@ def padded_batch(
 
 
 def with_starts(
-    batch: Batch,
-    starts: Sequence[Start | None],
-    schedule: Schedule,
-    time: float,
-    backend: Backend,
+    batch: Batch, starts: Sequence[Start | None], schedule: Schedule, time: float, backend: Backend
 ) -> Batch:
     """Returns a batch that starts from latents of clips, which its noise is mixed with.
 

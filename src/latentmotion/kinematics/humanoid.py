@@ -222,9 +222,7 @@ class Humanoid:
 
 
 def find_humanoid(
-    skeleton: Skeleton,
-    declared: Mapping[str, int] | None = None,
-    joint_map: JointMap | None = None,
+    skeleton: Skeleton, declared: Mapping[str, int] | None = None, joint_map: JointMap | None = None
 ) -> Humanoid:
     """Finds our joints in a skeleton: by a map, by what its file declares, else by its names.
 

@@ -153,10 +153,7 @@ class Standing:
 
 
 def find_standing(
-    joints: Joints,
-    stated: Stated = NOTHING,
-    declared: float | None = None,
-    any_size: bool = False,
+    joints: Joints, stated: Stated = NOTHING, declared: float | None = None, any_size: bool = False
 ) -> Standing:
     """Finds unit and up axis of a moving body.
 

@@ -94,12 +94,7 @@ class MotionIndex:
     """Entries by path."""
 
     @classmethod
-    def of(
-        cls,
-        folder: str | Path,
-        scorer: Scorer,
-        cache: Path | None = None,
-    ) -> MotionIndex:
+    def of(cls, folder: str | Path, scorer: Scorer, cache: Path | None = None) -> MotionIndex:
         """Indexes the motion files below a folder.
 
         Args:
