@@ -357,24 +357,20 @@ class _Solver:
             if not self.children[joint]:
                 self.world[joint] = self.world[parents[joint]]
         swinging = [joint for joint in joints if self.children[joint] and joint not in limbs]
-        if swinging:
-            children = [self.children[joint][0] for joint in swinging]
-            before = np.stack([self._reference(joint) for joint in swinging])
-            rest = np.moveaxis(self.rest[:, children], 1, 0)[:, None, ..., None]
-            bones = np.moveaxis(self.bones[:, :, children], 2, 0)
-            self.world[swinging] = matrix_between((before @ rest)[..., 0], bones) @ before
-
-    def _reference(self, joint: int) -> Float[np.ndarray, "frames motions 3 3"]:
-        """Returns the rotation from which a bone swings, most often its parent's."""
-        parent = self.skeleton.parents[joint]
-        end, steps = joint, 0
-        while len(self.children[end]) == 1:
-            end, steps = self.children[end][0], steps + 1
-        if end not in self.branches:
-            return self.world[parent]
-        # Between branches, a share of the rotation from one to the other.
-        ends = [quaternion_from_matrix(self.world[other]) for other in (parent, end)]
-        return matrix_from_quaternion(slerp(ends[0], ends[1], 1 / (steps + 1)))
+        if not swinging:
+            return
+        before = self.world[[parents[joint] for joint in swinging]]  # what each swings from
+        for number, joint in enumerate(swinging):
+            end, steps = joint, 0
+            while len(self.children[end]) == 1:
+                end, steps = self.children[end][0], steps + 1
+            if end in self.branches:  # between branches, a share of the rotation to the other
+                a, b = (quaternion_from_matrix(self.world[n]) for n in (parents[joint], end))
+                before[number] = matrix_from_quaternion(slerp(a, b, 1 / (steps + 1)))
+        children = [self.children[joint][0] for joint in swinging]
+        rest = np.moveaxis(self.rest[:, children], 1, 0)[:, None, ..., None]
+        bones = np.moveaxis(self.bones[:, :, children], 2, 0)
+        self.world[swinging] = matrix_between((before @ rest)[..., 0], bones) @ before
 
     def _fit_feet_and_head(self) -> None:
         """Sets the rest direction of feet to how they stand, and of the head to its usual tilt.
