@@ -98,9 +98,10 @@ def exact_count(
         candidate = clean(replace(motion, joints=spliced.astype(np.float32)))
         joints = candidate.joints.astype(np.float64)
         fits = [seam_of(joints, seam, fps, skeleton, round(_TRANSITION * fps)) for seam in seams]
+        if not all(fit.slide <= _SLIDE and fit.jerk <= _JERK for fit in fits):
+            continue
         again = repetitions(joints, asked.act, asked.side)
-        steady = all(fit.slide <= _SLIDE and fit.jerk <= _JERK for fit in fits)
-        if steady and again and not again.weak and len(again.full) in asked.wanted:
+        if again and not again.weak and len(again.full) in asked.wanted:
             about = {**asdict(asked), "made": len(repeated.full)}
             return replace(candidate, metadata={**candidate.metadata, "count": about})
     return cleaned

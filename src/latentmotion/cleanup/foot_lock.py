@@ -75,10 +75,6 @@ class FootLock:
     # second, unless it already did.
     stretch: tuple[float, float] = (0.92, 0.995)
 
-    def pause(self, fps: float) -> int:
-        """Returns how many frames a step takes."""
-        return max(1, round(0.75 * self.blend * fps))
-
 
 def lock_feet(
     joints: Float[np.ndarray, "frames *batch joints 3"],
@@ -106,12 +102,13 @@ def lock_feet(
     standing = contacts.reshape(*every.shape[:2], -1)[..., columns].reshape(shape)
     touching = every[:, :, pivots].reshape(*shape, 3)
     path, stances = foot_stances(touching, standing, fps, settings.landing)
-    stances = stances.broken_at_jumps(path, settings.pause(fps))
+    pause = max(1, round(0.75 * settings.blend * fps))  # frames that a step takes
+    stances = stances.broken_at_jumps(path, pause)
     path = stances.eased(path, settings.rest, settings.far)
     root = drift_correction(path, stances, len(legs), _SWAY * fps, settings.stay)
     carried, drift = every + root[:, :, None], np.repeat(root, len(legs), axis=1)
     touching, path = touching + drift[:, :, None], path + drift
-    stances = stances.broken_at_slips(path, settings.slip, settings.pause(fps))
+    stances = stances.broken_at_slips(path, settings.slip, pause)
     shifts = foot_shifts(touching, path, stances, fps, settings)
     shifts = shifts.reshape(*every.shape[:2], len(legs), 3)
     moved = _posed(carried, legs, shifts, fps, settings).reshape(joints.shape)
