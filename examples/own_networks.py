@@ -44,7 +44,7 @@ class Recurrent(nn.Module):
 
 def recurrent(config):
     """Returns the denoiser of a configuration."""
-    network = DenoiserNetwork.of(config)
+    network = DenoiserNetwork(config)
     network.body = Recurrent(config.transformer.width)
     return network
 

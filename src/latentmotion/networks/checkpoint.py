@@ -287,14 +287,14 @@ def build(config: DenoiserConfig | VAEConfig) -> DenoiserNetwork | MotionVAE:
         case DenoiserConfig():
             if config.plugin:
                 return part_named("latentmotion.denoisers", config.plugin)(config)
-            return DenoiserNetwork.of(config)
+            return DenoiserNetwork(config)
         case PluginVAEConfig():
             vae = part_named("latentmotion.vaes", config.plugin)
             return vae(features=config.features, **config.settings)
         case TransformerVAEConfig():
-            return TransformerVAE.of(config)
+            return TransformerVAE(config)
         case ConvolutionalVAEConfig():
-            return ConvolutionalVAE.of(config)
+            return ConvolutionalVAE(config)
         case VPoserTConfig():
             return VPoserT(config)
         case IdentityVAEConfig():

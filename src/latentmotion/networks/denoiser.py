@@ -5,7 +5,7 @@
     cross-attention:  decoder(latents, memory = context)
 
 Numbers (time, length) become tokens, context and latents get positions, and a transformer reads
-both. Every part is passed in; `DenoiserNetwork.of` makes them of a `DenoiserConfig`.
+both. A `DenoiserConfig` says which parts there are.
 """
 
 from __future__ import annotations
@@ -204,75 +204,52 @@ class AttendToPadding(nn.Module):
 class DenoiserNetwork(nn.Module):
     """Projections around a transformer.
 
+    The order in which parts are built is that in which a seed's numbers are drawn for them.
+
     Args:
-        latents_in: Latents to tokens of the transformer.
-        latents_out: And back.
-        condition_in: Words of the condition to tokens.
-        numbers: Time and mask to one or two tokens.
-        joining: Numbers and words to the context and its mask.
-        positions: Adds positions to latents and context.
-        body: The transformer, called with latents, their mask, context and its mask.
-        padding: Mask of the latents that attention gets.
-        step_embedding: Adds the step condition of a few-step student to the numbers.
+        config: Which parts it has, and their sizes.
     """
 
-    def __init__(
-        self,
-        latents_in: nn.Module,
-        latents_out: nn.Module,
-        condition_in: nn.Module,
-        numbers: nn.Module,
-        joining: nn.Module,
-        positions: nn.Module,
-        body: nn.Module,
-        padding: nn.Module,
-        step_embedding: StepEmbedding | NoStepEmbedding,
-    ) -> None:
+    def __init__(self, config: DenoiserConfig) -> None:
         super().__init__()
-        self.latents_in = latents_in
-        self.latents_out = latents_out
-        self.condition_in = condition_in
-        self.numbers = numbers
-        self.joining = joining
-        self.positions = positions
-        self.body = body
-        self.padding = padding
-        self.step_embedding = step_embedding
-
-    @classmethod
-    def of(cls, config: DenoiserConfig) -> DenoiserNetwork:
-        """Builds the denoiser of a configuration with fresh weights."""
         width, dropout = config.transformer.width, config.transformer.dropout
         inner, outer = (config.latent_width, width), (width, config.latent_width)
-        latents_in = nn.Linear(*inner) if config.project_latents else nn.Identity()
-        latents_out = nn.Linear(*outer) if config.project_latents else nn.Identity()
+        # Latents to tokens of the transformer, and back.
+        self.latents_in = nn.Linear(*inner) if config.project_latents else nn.Identity()
+        self.latents_out = nn.Linear(*outer) if config.project_latents else nn.Identity()
         kind = config.condition_projection
         linear = nn.Linear(config.condition_width, width, bias=kind != "table")
         time = NumberEmbedding(config.sine_width, width, config.time_scale)
         length = NumberEmbedding(config.sine_width, width) if config.length_token else None
         tables = [transformer.position(config.position, width, dropout) for _ in range(2)]
-        return cls(
-            latents_in=latents_in,
-            latents_out=latents_out,
-            condition_in={
-                "relu_linear": nn.Sequential(nn.ReLU(), linear),
-                "standardized": nn.Sequential(Standardization(config.condition_width), linear),
-                "none": nn.Identity(),
-            }.get(kind, linear),
-            numbers=TimeToken(time) if length is None else TimeAndLengthTokens(time, length),
-            joining=WordsAddedToTime() if config.words == "added_to_time" else NumbersThenWords(),
-            positions={
-                "latents_first": LatentsFirst(tables[0]),
-                "context_first": ContextFirst(tables[0]),
-            }.get(config.positions, SeparatePositions(*tables)),
-            body=AcrossContext(transformer.decoder_stack(config.transformer))
+        # Words of the condition to tokens.
+        self.condition_in = {
+            "relu_linear": nn.Sequential(nn.ReLU(), linear),
+            "standardized": nn.Sequential(Standardization(config.condition_width), linear),
+            "none": nn.Identity(),
+        }.get(kind, linear)
+        # Time and mask to one or two tokens.
+        self.numbers = TimeToken(time) if length is None else TimeAndLengthTokens(time, length)
+        # Numbers and words to the context and its mask.
+        added = config.words == "added_to_time"
+        self.joining = WordsAddedToTime() if added else NumbersThenWords()
+        # Adds positions to latents and context.
+        self.positions = {
+            "latents_first": LatentsFirst(tables[0]),
+            "context_first": ContextFirst(tables[0]),
+        }.get(config.positions, SeparatePositions(*tables))
+        # The transformer, called with latents, their mask, context and its mask.
+        self.body: nn.Module = (
+            AcrossContext(transformer.decoder_stack(config.transformer))
             if config.attention == "cross"
-            else InContext(transformer.encoder_stack(config.transformer)),
-            padding=AttendToPadding() if config.attends_to_padding else nn.Identity(),
-            step_embedding=StepEmbedding(config.sine_width, width)
-            if config.few_step
-            else NoStepEmbedding(),
+            else InContext(transformer.encoder_stack(config.transformer))
         )
+        # Mask of the latents that attention gets.
+        self.padding = AttendToPadding() if config.attends_to_padding else nn.Identity()
+        # Adds the step condition of a few-step student to the numbers.
+        few_step = config.few_step is not None
+        embedding = StepEmbedding(config.sine_width, width) if few_step else NoStepEmbedding()
+        self.step_embedding: StepEmbedding | NoStepEmbedding = embedding
 
     def measure_words(self, words: Float[Tensor, "words width"]) -> None:
         """Shows the words of the training prompts to a projection that standardizes them."""

@@ -146,20 +146,11 @@ class ConvolutionalVAE(MotionVAE):
     """Residual convolutions with two halvings of the frame rate, and a way back.
 
     Args:
-        encoder: Features to mean and logvar of the latents, T → T/2 → T/4.
-        decoder: Latents to features.
-        channels: Numbers per latent token.
+        config: Sizes, and the kind of decoder.
     """
 
-    def __init__(self, encoder: Chain, decoder: Chain, channels: int) -> None:
+    def __init__(self, config: ConvolutionalVAEConfig) -> None:
         super().__init__()
-        self.encoder = encoder
-        self.decoder = decoder
-        self.latent_width = channels
-
-    @classmethod
-    def of(cls, config: ConvolutionalVAEConfig) -> ConvolutionalVAE:
-        """Builds the VAE of a configuration with fresh weights."""
         channels, width, features = config.channels, config.width, config.features
 
         def blocks(dilations: Sequence[int]) -> list[ResidualBlock]:
@@ -182,7 +173,8 @@ class ConvolutionalVAE(MotionVAE):
                 decoder.append(MaskedConvolution(width, features, 3, activation=nn.SiLU()))
             case QuarterRateDecoder(dilations):
                 decoder += [*blocks(dilations), Unfold(width, features)]
-        return cls(Chain(encoder), Chain(decoder), channels)
+        # Features to mean and logvar of the latents, T → T/2 → T/4; latents to features.
+        self.encoder, self.decoder, self.latent_width = Chain(encoder), Chain(decoder), channels
 
     def encode(
         self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]

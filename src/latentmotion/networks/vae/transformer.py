@@ -24,7 +24,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from latentmotion.model.config import LatentSpace, TransformerVAEConfig, VPoserTConfig
+from latentmotion.model.config import TransformerVAEConfig, VPoserTConfig
 from latentmotion.networks.transformer import decoder_stack, encoder_stack, position
 from latentmotion.networks.vae.interface import MotionVAE, Posterior
 
@@ -136,66 +136,33 @@ class LinearDistribution(nn.Module):
 class TransformerVAE(MotionVAE):
     """A VAE with a fixed number of latent tokens for the whole motion.
 
+    The order in which parts are built is that in which a seed's numbers are drawn for them.
+
     Args:
-        frames_in: Features of a frame to the width of the transformer.
-        frames_out: And back.
-        summary: Learned tokens, (count, width), whose outputs tell the posterior.
-        position: Adds positions to the encoder's sequence.
-        encoder: Called with (x, mask).
-        distribution: Summary outputs to a `Posterior`.
-        decoder: Latents and mask to outputs per frame.
-        narrow: Summary outputs to the width of the latents.
-        widen: Latents to the width of the transformer.
-        latents: Number and width of the latent tokens.
+        config: Which parts it has, and their sizes.
     """
 
     DECODER_MODULES = ("widen", "decoder", "frames_out")
 
-    def __init__(
-        self,
-        frames_in: nn.Module,
-        frames_out: nn.Module,
-        summary: Float[Tensor, "count width"],
-        position: nn.Module,
-        encoder: nn.Module,
-        distribution: nn.Module,
-        decoder: nn.Module,
-        narrow: nn.Module,
-        widen: nn.Module,
-        latents: LatentSpace,
-    ) -> None:
+    def __init__(self, config: TransformerVAEConfig) -> None:
         super().__init__()
-        self.frames_in = frames_in
-        self.frames_out = frames_out
-        self.summary = nn.Parameter(summary)
-        self.position = position
-        self.encoder = encoder
-        self.distribution = distribution
-        self.decoder = decoder
-        assert latents.tokens is not None  # as a transformer's number of tokens is fixed
-        self.tokens = latents.tokens
-        self.narrow = narrow
-        self.widen = widen
-        self.latent_width = latents.width
-
-    @classmethod
-    def of(cls, config: TransformerVAEConfig) -> TransformerVAE:
-        """Builds the VAE of a configuration with fresh weights."""
         width, latent = config.transformer.width, config.latent_width or config.transformer.width
-        adapted = config.latent_width is not None
-        own_tokens = config.distribution == "tokens"
-        return cls(
-            frames_in=nn.Linear(config.features, width),
-            frames_out=nn.Linear(width, config.features),
-            summary=torch.randn(config.tokens * (2 if own_tokens else 1), width),
-            position=position(config.position, width, config.transformer.dropout),
-            encoder=encoder_stack(config.transformer),
-            distribution=TokenDistribution() if own_tokens else LinearDistribution(latent),
-            decoder=frame_decoder(config),
-            narrow=nn.Linear(width, latent) if adapted else nn.Identity(),
-            widen=nn.Linear(latent, width) if adapted else nn.Identity(),
-            latents=config.latent_space(),
-        )
+        adapted, own_tokens = config.latent_width is not None, config.distribution == "tokens"
+        self.tokens, self.latent_width = config.tokens, latent
+        # Features of a frame to the width of the transformer, and back.
+        self.frames_in = nn.Linear(config.features, width)
+        self.frames_out = nn.Linear(width, config.features)
+        # Learned tokens whose outputs tell the posterior.
+        count = config.tokens * (2 if own_tokens else 1)
+        self.summary = nn.Parameter(torch.randn(count, width))
+        self.position = position(config.position, width, config.transformer.dropout)
+        self.encoder = encoder_stack(config.transformer)  # called with (x, mask)
+        # Outputs of the summary tokens to a `Posterior`.
+        self.distribution = TokenDistribution() if own_tokens else LinearDistribution(latent)
+        self.decoder = frame_decoder(config)  # latents and mask to outputs per frame
+        # The width of the transformer to that of the latents, and back.
+        self.narrow = nn.Linear(width, latent) if adapted else nn.Identity()
+        self.widen = nn.Linear(latent, width) if adapted else nn.Identity()
 
     def encode(
         self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
