@@ -135,31 +135,29 @@ class PreNorm(PostNorm):
         return x + self.dropout(branch(self.norm(x)))
 
 
+def _residual(config: TransformerConfig) -> PostNorm:
+    """Returns what goes around one part of a layer."""
+    return {"post": PostNorm, "pre": PreNorm}[config.norm](config.width, config.dropout)
+
+
 class FeedForward(nn.Sequential):
     """Linear, activation, linear, on each token alone."""
 
-    def __init__(self, width: int, hidden: int, dropout: float, activation: nn.Module) -> None:
-        layers = [nn.Linear(width, hidden), activation, Dropout(dropout)]
-        super().__init__(*layers, nn.Linear(hidden, width))
+    def __init__(self, config: TransformerConfig) -> None:
+        activation = {"gelu": nn.GELU, "relu": nn.ReLU}[config.activation]()
+        layers = [nn.Linear(config.width, config.hidden), activation, Dropout(config.dropout)]
+        super().__init__(*layers, nn.Linear(config.hidden, config.width))
 
 
 class EncoderLayer(nn.Module):
-    """Self-attention, then feed-forward.
+    """Self-attention, then feed-forward."""
 
-    Args:
-        attention: Called with (x, mask).
-        feed_forward: Called with x.
-        residual: Builds what goes around one part.
-    """
-
-    def __init__(
-        self, attention: nn.Module, feed_forward: nn.Module, residual: Callable[[], nn.Module]
-    ) -> None:
+    def __init__(self, config: TransformerConfig) -> None:
         super().__init__()
-        self.attention = attention
-        self.feed_forward = feed_forward
-        self.around_attention = residual()
-        self.around_feed_forward = residual()
+        self.attention = SelfAttention(config.width, config.heads, config.attention_dropout)
+        self.feed_forward = FeedForward(config)
+        self.around_attention = _residual(config)
+        self.around_feed_forward = _residual(config)
 
     def forward(self, x: Tensor, mask: Tensor) -> Tensor:
         """Returns x plus the attention of its tokens to each other."""
@@ -168,29 +166,16 @@ class EncoderLayer(nn.Module):
 
 
 class DecoderLayer(nn.Module):
-    """Self-attention, then a look at the memory, then feed-forward.
+    """Self-attention, then a look at the memory, then feed-forward."""
 
-    Args:
-        attention: Called with (x, mask).
-        cross_attention: Called with (x, memory, memory_mask).
-        feed_forward: Called with x.
-        residual: Builds what goes around one part.
-    """
-
-    def __init__(
-        self,
-        attention: nn.Module,
-        cross_attention: nn.Module,
-        feed_forward: nn.Module,
-        residual: Callable[[], nn.Module],
-    ) -> None:
+    def __init__(self, config: TransformerConfig) -> None:
         super().__init__()
-        self.attention = attention
-        self.cross_attention = cross_attention
-        self.feed_forward = feed_forward
-        self.around_attention = residual()
-        self.around_cross_attention = residual()
-        self.around_feed_forward = residual()
+        sizes = config.width, config.heads, config.attention_dropout
+        self.attention, self.cross_attention = SelfAttention(*sizes), CrossAttention(*sizes)
+        self.feed_forward = FeedForward(config)
+        self.around_attention = _residual(config)
+        self.around_cross_attention = _residual(config)
+        self.around_feed_forward = _residual(config)
 
     def forward(self, x: Tensor, mask: Tensor, memory: Tensor, memory_mask: Tensor) -> Tensor:
         """Returns x plus the attention of its tokens to each other and to the memory."""
@@ -344,21 +329,12 @@ def sinusoid(number: Float[Tensor, " batch"], width: int) -> Float[Tensor, "batc
 
 def encoder_stack(config: TransformerConfig) -> nn.Module:
     """Builds a stack called with (x, mask)."""
-    sizes, residual = (config.width, config.heads, config.attention_dropout), _residual(config)
-    return _stack(
-        config, lambda: EncoderLayer(SelfAttention(*sizes), _feed_forward(config), residual)
-    )
+    return _stack(config, EncoderLayer)
 
 
 def decoder_stack(config: TransformerConfig) -> nn.Module:
     """Builds a stack called with (x, mask, memory, memory_mask)."""
-    sizes, residual = (config.width, config.heads, config.attention_dropout), _residual(config)
-    return _stack(
-        config,
-        lambda: DecoderLayer(
-            SelfAttention(*sizes), CrossAttention(*sizes), _feed_forward(config), residual
-        ),
-    )
+    return _stack(config, DecoderLayer)
 
 
 def position(kind: PositionKind, width: int, dropout: float) -> nn.Module:
@@ -366,18 +342,9 @@ def position(kind: PositionKind, width: int, dropout: float) -> nn.Module:
     return LearnedPosition(width) if kind == "learned" else SinePosition(width, dropout)
 
 
-def _stack(config: TransformerConfig, layer: Callable[[], nn.Module]) -> nn.Module:
-    layers = [layer() for _ in range(config.layers)]
+def _stack(config: TransformerConfig, layer: type[EncoderLayer | DecoderLayer]) -> nn.Module:
+    layers = [layer(config) for _ in range(config.layers)]
     norm = nn.LayerNorm(config.width) if config.final_norm else nn.Identity()
     stack = SkipStack(layers, norm, config.width) if config.skips else Stack(layers, norm)
     stack.apply(initialize)
     return stack
-
-
-def _feed_forward(config: TransformerConfig) -> nn.Module:
-    activation = {"gelu": nn.GELU, "relu": nn.ReLU}[config.activation]()
-    return FeedForward(config.width, config.hidden, config.dropout, activation)
-
-
-def _residual(config: TransformerConfig) -> Callable[[], nn.Module]:
-    return partial({"post": PostNorm, "pre": PreNorm}[config.norm], config.width, config.dropout)

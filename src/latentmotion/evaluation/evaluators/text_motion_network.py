@@ -30,6 +30,7 @@ from torch.nn import functional as F
 from torch.nn.utils.rnn import pack_padded_sequence
 
 from latentmotion.evaluation.evaluators.words import PARTS_OF_SPEECH
+from latentmotion.model.config import TransformerConfig
 from latentmotion.networks import transformer
 
 FRAMES = 4  # Frames of a movement.
@@ -288,18 +289,12 @@ class Tower(nn.Module):
     def __init__(self, config: TowerConfig, layers: int) -> None:
         super().__init__()
         width, dropout = config.hidden, config.dropout
-        self.position = transformer.SinePosition(width, dropout)
-        self.layers = transformer.Stack(
-            [
-                transformer.EncoderLayer(
-                    transformer.SelfAttention(width, config.heads, dropout),
-                    transformer.FeedForward(width, 2 * width, dropout, nn.GELU()),
-                    lambda: transformer.PreNorm(width, dropout),
-                )
-                for _ in range(layers)
-            ],
-            nn.LayerNorm(width),
+        sizes = TransformerConfig(
+            width, layers, config.heads, 2 * width, dropout, dropout, norm="pre"
         )
+        self.position = transformer.SinePosition(width, dropout)
+        encoder = [transformer.EncoderLayer(sizes) for _ in range(layers)]
+        self.layers = transformer.Stack(encoder, nn.LayerNorm(width))
         self.out = nn.Linear(2 * width, config.width)
 
     def forward(
