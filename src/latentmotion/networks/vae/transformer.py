@@ -31,13 +31,21 @@ from latentmotion.networks.vae.interface import MotionVAE, Posterior
 STRIDE = 4  # Frames that a coarse query of `TwoRateDecoder` stands for.
 
 
-class CrossDecoder(nn.Module):
+class FrameDecoder(nn.Module):
+    """Latents to one output per frame, whose query knows only its position."""
+
+    def __init__(self, config: TransformerVAEConfig) -> None:
+        super().__init__()
+        whole = config.transformer
+        self.position = position(config.position, whole.width, whole.dropout)
+
+
+class CrossDecoder(FrameDecoder):
     """Positions as queries, which look at the latents by cross-attention."""
 
-    def __init__(self, position: nn.Module, decoder: nn.Module) -> None:
-        super().__init__()
-        self.position = position
-        self.decoder = decoder
+    def __init__(self, config: TransformerVAEConfig) -> None:
+        super().__init__(config)
+        self.decoder = decoder_stack(config.transformer)
 
     def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
         """Returns (batch, frames, width)."""
@@ -45,13 +53,12 @@ class CrossDecoder(nn.Module):
         return self.decoder(queries, mask, latents, all_real(latents))
 
 
-class JointDecoder(nn.Module):
+class JointDecoder(FrameDecoder):
     """Latents and positions in one sequence through an encoder (the authors' all_encoder)."""
 
-    def __init__(self, position: nn.Module, encoder: nn.Module) -> None:
-        super().__init__()
-        self.position = position
-        self.encoder = encoder
+    def __init__(self, config: TransformerVAEConfig) -> None:
+        super().__init__(config)
+        self.encoder = encoder_stack(config.transformer)
 
     def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
         """Returns (batch, frames, width)."""
@@ -60,24 +67,18 @@ class JointDecoder(nn.Module):
         return x[:, latents.shape[1] :]
 
 
-class TwoRateDecoder(nn.Module):
+class TwoRateDecoder(FrameDecoder):
     """Coarse layers for every fourth frame; what they find unfolds into frames for the fine layers.
 
-    Args:
-        position: Adds positions to the coarse queries.
-        coarse: Called with (x, mask, latents, mask of the latents) at a quarter of the frame rate.
-        unfold: Width to four times as much.
-        fine: Called likewise at the frame rate.
+    Only the coarse queries have positions.
     """
 
-    def __init__(
-        self, position: nn.Module, coarse: nn.Module, unfold: nn.Module, fine: nn.Module
-    ) -> None:
-        super().__init__()
-        self.position = position
-        self.coarse = coarse
-        self.unfold = unfold
-        self.fine = fine
+    def __init__(self, config: TransformerVAEConfig) -> None:
+        super().__init__(config)
+        whole, fine = config.transformer, config.fine_layers
+        self.coarse = decoder_stack(replace(whole, layers=whole.layers - fine))
+        self.unfold = nn.Linear(whole.width, STRIDE * whole.width)
+        self.fine = decoder_stack(replace(whole, layers=fine, skips=False))
 
     def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
         """Returns (batch, frames, width)."""
@@ -97,20 +98,8 @@ def _blank_frames(latents: Tensor, mask: Tensor) -> Tensor:
     return latents.new_zeros(*mask.shape, latents.shape[-1])
 
 
-def frame_decoder(config: TransformerVAEConfig) -> nn.Module:
-    """Builds the decoder that a configuration names, called with (latents, mask)."""
-    whole, fine = config.transformer, config.fine_layers
-    queries = position(config.position, whole.width, whole.dropout)
-    if config.decoding == "joint":
-        return JointDecoder(queries, encoder_stack(whole))
-    if config.decoding == "cross":
-        return CrossDecoder(queries, decoder_stack(whole))
-    return TwoRateDecoder(
-        position=queries,
-        coarse=decoder_stack(replace(whole, layers=whole.layers - fine)),
-        unfold=nn.Linear(whole.width, STRIDE * whole.width),
-        fine=decoder_stack(replace(whole, layers=fine, skips=False)),
-    )
+# Decoders by the name that configurations have for them, called with (latents, mask).
+DECODERS = {"cross": CrossDecoder, "joint": JointDecoder, "two_rate": TwoRateDecoder}
 
 
 class TokenDistribution(nn.Module):
@@ -159,7 +148,7 @@ class TransformerVAE(MotionVAE):
         self.encoder = encoder_stack(config.transformer)  # called with (x, mask)
         # Outputs of the summary tokens to a `Posterior`.
         self.distribution = TokenDistribution() if own_tokens else LinearDistribution(latent)
-        self.decoder = frame_decoder(config)  # latents and mask to outputs per frame
+        self.decoder = DECODERS[config.decoding](config)  # latents and mask to outputs per frame
         # The width of the transformer to that of the latents, and back.
         self.narrow = nn.Linear(width, latent) if adapted else nn.Identity()
         self.widen = nn.Linear(latent, width) if adapted else nn.Identity()
