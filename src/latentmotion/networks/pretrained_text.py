@@ -67,19 +67,6 @@ def with_dense(encoder: Any, source: str) -> SentenceT5:
     Raises:
         ModelError: It is missing, damaged, or does not fit.
     """
-    weights = _weights(source)
-    dense, width = weights.get(_WEIGHT), encoder.config.d_model
-    if dense is None or dense.ndim != 2 or dense.shape[1] != width or _BIAS in weights:
-        raise ModelError(
-            f"{source}/{FOLDER}: expected one weight {_WEIGHT!r} for {width} numbers, found "
-            f"{ {name: tuple(w.shape) for name, w in weights.items()} }; is it sentence-T5?"
-        )
-    layer = nn.Linear(width, len(dense), bias=False)
-    layer.load_state_dict({"weight": dense.float()})
-    return SentenceT5(encoder, layer)
-
-
-def _weights(source: str) -> dict[str, Tensor]:
     settings = _file(source, "config.json")
     path = _file(source, "model.safetensors") or _file(source, "pytorch_model.bin")
     if settings is None or path is None:
@@ -90,16 +77,24 @@ def _weights(source: str) -> dict[str, Tensor]:
     try:
         activation = json.loads(settings.read_text(encoding="utf-8"))["activation_function"]
         if path.suffix == ".safetensors":
-            tensors = load_file(path)
+            weights = load_file(path)
         else:
-            tensors = torch.load(path, map_location="cpu", weights_only=True)
+            weights = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         raise ModelError(f"{path} holds more than tensors ({error})") from error
     except (OSError, ValueError, KeyError, RuntimeError, SafetensorError) as error:
         raise ModelError(f"{path.parent} is damaged: {error}; copy it again") from error
     if not str(activation).endswith("Identity"):
         raise ModelError(f"{settings}: activation {activation}, expected identity")
-    return tensors
+    dense, width = weights.get(_WEIGHT), encoder.config.d_model
+    if dense is None or dense.ndim != 2 or dense.shape[1] != width or _BIAS in weights:
+        raise ModelError(
+            f"{source}/{FOLDER}: expected one weight {_WEIGHT!r} for {width} numbers, found "
+            f"{ {name: tuple(w.shape) for name, w in weights.items()} }; is it sentence-T5?"
+        )
+    layer = nn.Linear(width, len(dense), bias=False)
+    layer.load_state_dict({"weight": dense.float()})
+    return SentenceT5(encoder, layer)
 
 
 def _file(source: str, name: str) -> Path | None:

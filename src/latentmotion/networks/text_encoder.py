@@ -148,6 +148,16 @@ class StudentNetwork(nn.Module):
         return F.normalize(pooled.float(), dim=-1), states
 
 
+# BERT's names of a layer's parts, by ours.
+_BERT_NAMES = {
+    "out": "attention.output.dense",
+    "attention_norm": "attention.output.LayerNorm",
+    "up": "intermediate.dense",
+    "down": "output.dense",
+    "output_norm": "output.LayerNorm",
+}
+
+
 def teacher_state(
     teacher: Mapping[str, Tensor], pieces: Sequence[int], layers: Sequence[int], positions: int
 ) -> dict[str, Tensor]:
@@ -169,24 +179,11 @@ def teacher_state(
         "norm.bias": teacher["embeddings.LayerNorm.bias"],
     }
     for number, layer in enumerate(layers):
-        state |= _layer_state(teacher, f"encoder.layer.{layer}", f"layers.{number}")
+        for kind in ("weight", "bias"):
+            source, target = f"encoder.layer.{layer}", f"layers.{number}"
+            attention = (f"{source}.attention.self.{part}" for part in ("query", "key", "value"))
+            parts = [teacher[f"{name}.{kind}"] for name in attention]
+            state[f"{target}.qkv.{kind}"] = torch.cat(parts)
+            for ours, theirs in _BERT_NAMES.items():
+                state[f"{target}.{ours}.{kind}"] = teacher[f"{source}.{theirs}.{kind}"]
     return {name: tensor.clone() for name, tensor in state.items()}
-
-
-def _layer_state(teacher: Mapping[str, Tensor], source: str, target: str) -> dict[str, Tensor]:
-    names = {
-        "out": "attention.output.dense",
-        "attention_norm": "attention.output.LayerNorm",
-        "up": "intermediate.dense",
-        "down": "output.dense",
-        "output_norm": "output.LayerNorm",
-    }
-    state = {}
-    for kind in ("weight", "bias"):
-        parts = [
-            teacher[f"{source}.attention.self.{part}.{kind}"] for part in ("query", "key", "value")
-        ]
-        state[f"{target}.qkv.{kind}"] = torch.cat(parts)
-        for ours, theirs in names.items():
-            state[f"{target}.{ours}.{kind}"] = teacher[f"{source}.{theirs}.{kind}"]
-    return state
