@@ -13,21 +13,16 @@ from latentmotion.data.clip import SPLITS
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.recording import files_below
 from latentmotion.data.report import PreparationReport, parts_of
-from latentmotion.data.sources import humanml3d
-from latentmotion.data.sources.actor import ACTIONS_FILE, FRAMES_FILE, NAMES_FILE, POSES, UESTC
-from latentmotion.data.sources.cmu import CMU, find_trials, rows_by_trial
-from latentmotion.data.sources.hdm05 import find_clips
-from latentmotion.data.sources.own import find_motions
-from latentmotion.data.sources.snu import find_takes
+from latentmotion.data.sources import actor, cmu, hdm05, humanml3d, own, snu
 from latentmotion.data.store import MANIFEST
 from latentmotion.errors import DataError
 from latentmotion.storage.files import sha256
 
 _EXPECTED = (
     f"expected a prepared folder ({MANIFEST}), HumanML3D's captions (index.csv, texts, train.txt), "
-    f"an official processed folder ({humanml3d.FEATURES}), humanact12poses.pkl or {POSES}, CMU "
-    "trials (SS_TT.amc or .bvh), HDM05's clips (HDM_ACTOR_CLASS_NNN_120.amc), SNU's takes or your "
-    "own BVH files"
+    f"an official processed folder ({humanml3d.FEATURES}), humanact12poses.pkl or {actor.POSES}, "
+    "CMU trials (SS_TT.amc or .bvh), HDM05's clips (HDM_ACTOR_CLASS_NNN_120.amc), SNU's takes or "
+    "your own BVH files"
 )
 
 
@@ -44,15 +39,15 @@ def inspect_folder(folder: Path) -> list[str]:
     annotated, lines = list(_annotations_and_poses(folder)), []
     trials: set[Path] = set()
     with suppress(DataError):
-        trials = set(find_trials(folder).values())
+        trials = set(cmu.find_trials(folder).values())
         lines += list(_cmu(folder))
     with suppress(DataError):
         lines += [
-            f"HDM05: {len(find_clips(folder))} cut clips",
+            f"HDM05: {len(hdm05.find_clips(folder))} cut clips",
             f"next: latentmotion data prepare hdm05 {folder} -o OUT",
         ]
     with suppress(DataError):
-        takes = find_takes(folder)
+        takes = snu.find_takes(folder)
         labels = sum(path.parent.name == "annotation" for path in files_below(folder, [".lab"]))
         lines += [
             f"SNU: {len(takes)} takes on its skeletons, {labels} files of annotations",
@@ -61,7 +56,7 @@ def inspect_folder(folder: Path) -> list[str]:
     if lines and not trials:
         return [*annotated, *lines]
     with suppress(DataError):
-        motions = [path for path in find_motions(folder).values() if path not in trials]
+        motions = [path for path in own.find_motions(folder).values() if path not in trials]
         captioned = sum(path.with_suffix(".txt").is_file() for path in motions)
         if motions:
             other = "other " if trials else ""
@@ -119,32 +114,32 @@ def _annotations_and_poses(folder: Path) -> Iterator[str]:
     for path in sorted(folder.rglob("humanact12poses.pkl")):
         yield "HumanAct12 with SMPL's poses"
         yield f"next: latentmotion data prepare humanact12 {path} -o OUT"
-    for path in sorted(folder.rglob(POSES)):
+    for path in sorted(folder.rglob(actor.POSES)):
         yield "UESTC with VIBE's poses"
-        for name in (NAMES_FILE, FRAMES_FILE, ACTIONS_FILE):
+        for name in (actor.NAMES_FILE, actor.FRAMES_FILE, actor.ACTIONS_FILE):
             if not (path.parent / name).is_file():
-                yield f"  missing {name}, from {UESTC.url}"
+                yield f"  missing {name}, from {actor.UESTC.url}"
         yield f"next: latentmotion data prepare uestc {path.parent} -o OUT"
 
 
 def _cmu(folder: Path) -> Iterator[str]:
-    trials = find_trials(folder)
+    trials = cmu.find_trials(folder)
     endings = [path.suffix.lower() for path in trials.values()]
     yield f"CMU trials: {endings.count('.amc')} AMC, {endings.count('.bvh')} BVH"
     amc = [path for path in trials.values() if path.suffix.lower() == ".amc"]
     for parent in sorted({path.parent for path in amc}):
         if not any(path.suffix.lower() == ".asf" for path in parent.iterdir()):
-            yield f"  missing: the ASF file in {parent}; get it from {CMU.url}"
+            yield f"  missing: the ASF file in {parent}; get it from {cmu.CMU.url}"
     index = next(iter(sorted(folder.rglob("index.csv"))), None)
     if index is None:
         yield f"  missing: HumanML3D's captions and index; {humanml3d.GET_IT}"
     else:
-        rows = rows_by_trial(index.parent)
+        rows = cmu.rows_by_trial(index.parent)
         lacking = sorted(set(rows) - set(trials))
         clips, missing = sum(map(len, rows.values())), sum(len(rows[trial]) for trial in lacking)
         cut = clips - missing
         yield f"  HumanML3D has {clips} clips of CMU; {cut} of them can be cut from these"
         if lacking:
             shown = ", ".join(lacking[:8]) + (", …" if len(lacking) > 8 else "")
-            yield f"  missing: {len(lacking)} trials, from {CMU.url}: {shown}"
+            yield f"  missing: {len(lacking)} trials, from {cmu.CMU.url}: {shown}"
     yield f"next: latentmotion data prepare cmu --trials {folder} --humanml3d FOLDER -o OUT"

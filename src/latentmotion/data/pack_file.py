@@ -22,16 +22,9 @@ from pathlib import Path
 
 import numpy as np
 
+from latentmotion.data import store
 from latentmotion.data.pack_coding import MotionCoder
 from latentmotion.data.report import REPORT, PreparationReport
-from latentmotion.data.store import FORMAT as DATASET_FORMAT
-from latentmotion.data.store import (
-    MANIFEST,
-    DatasetManifest,
-    StoredClip,
-    StoredMotion,
-    write_dataset,
-)
 from latentmotion.errors import DataError, FileFormatError, InputError, unreadable
 from latentmotion.representation import representation_named
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
@@ -58,7 +51,7 @@ class PackHeader:
     quantum: float  # Step of positions, meters.
     turn_quantum: float  # Step of the heading, radians.
     # That of the prepared folder: sources and their terms, normalizer, clips, captions.
-    manifest: DatasetManifest
+    manifest: store.DatasetManifest
     report: PreparationReport | None  # The report of its preparation.
     blocks: tuple[int, ...]  # Bytes of each shard's motions in this file.
 
@@ -151,8 +144,8 @@ def _header(path: Path, plain: bytes) -> PackHeader:
         raise FileFormatError(path, f"its header is no JSON: {error}") from error
     except InputError as error:
         raise FileFormatError(path, f"its header: {error}") from error
-    if header.manifest.format != DATASET_FORMAT:
-        raise FileFormatError(path, f"holds {header.manifest.format!r}, not {DATASET_FORMAT!r}")
+    if header.manifest.format != store.FORMAT:
+        raise FileFormatError(path, f"holds {header.manifest.format!r}, not {store.FORMAT!r}")
     return header
 
 
@@ -177,7 +170,7 @@ _MOST_FRAMES = 8_000_000
 QUANTA = 1e-6, 0.01  # Least and greatest step of positions and heading that a pack may have.
 
 
-def unpack(path: Path, folder: Path) -> DatasetManifest:
+def unpack(path: Path, folder: Path) -> store.DatasetManifest:
     """Writes the prepared folder that a pack holds.
 
     Raises:
@@ -185,7 +178,7 @@ def unpack(path: Path, folder: Path) -> DatasetManifest:
         FileFormatError: It is no pack, of another version or damaged.
         InputError: The folder cannot be written.
     """
-    files.check_replaceable(folder, MANIFEST)
+    files.check_replaceable(folder, store.MANIFEST)
     opened = read_pack(path)
     coder = _checked(opened)
     manifest = opened.header.manifest
@@ -196,8 +189,8 @@ def unpack(path: Path, folder: Path) -> DatasetManifest:
         for clip, features in zip(clips, coder.decode(block, frames), strict=True):
             if not np.isfinite(features).all():
                 raise FileFormatError(path, f"clip {clip.id} is not finite; pack it again")
-            motions.append(StoredMotion(replace(clip, shard=0, offset=0), features))
-    written = write_dataset(
+            motions.append(store.StoredMotion(replace(clip, shard=0, offset=0), features))
+    written = store.write_dataset(
         folder, motions, manifest.sources, coder.representation, manifest.normalizer
     )
     if opened.header.report:
@@ -245,7 +238,7 @@ def packable(name: str) -> HumanML3DRepresentation:
     return representation
 
 
-def clips_by_shard(manifest: DatasetManifest) -> Iterator[list[StoredClip]]:
+def clips_by_shard(manifest: store.DatasetManifest) -> Iterator[list[store.StoredClip]]:
     """Yields the clips of each shard, which are one block of a pack."""
     for shard in range(len(manifest.shards)):
         yield [clip for clip in manifest.clips if clip.shard == shard]

@@ -38,8 +38,7 @@ from latentmotion.data.sources.humanml3d import (
     sentences_of,
 )
 from latentmotion.errors import DataError, FileFormatError
-from latentmotion.formats.asf_amc import read_asf_amc
-from latentmotion.formats.bvh import read_bvh
+from latentmotion.formats import asf_amc, bvh
 from latentmotion.progress import counted
 from latentmotion.storage.reading import read_text
 
@@ -252,8 +251,8 @@ def trial_joints(trial: str, path: Path) -> Float[np.ndarray, "frames joints 3"]
         DataError: The skeleton is unknown, or the rate too low.
     """
     if path.suffix.lower() == ".amc":
-        return recording.joints_at(read_asf_amc(path), FPS, native_fps(trial))
-    animation = read_bvh(path)
+        return recording.joints_at(asf_amc.read_asf_amc(path), FPS, native_fps(trial))
+    animation = bvh.read_bvh(path)
     native = native_fps(trial) if animation.fps == _STATED_RATE else animation.fps
     if not quality.begins_with_t_pose(animation):
         return recording.joints_at(animation, FPS, native)

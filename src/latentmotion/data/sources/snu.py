@@ -42,8 +42,7 @@ from latentmotion.data.recording import FPS, Dropped, Label, Recording, files_be
 from latentmotion.data.segments import LONGEST, pieces, touching
 from latentmotion.data.sources import LABELS, OWNERS
 from latentmotion.errors import DataError, FileFormatError
-from latentmotion.formats.asf_amc import read_asf_amc
-from latentmotion.formats.bvh import read_bvh
+from latentmotion.formats import asf_amc, bvh
 from latentmotion.measure.signals import JOINT
 from latentmotion.progress import counted
 from latentmotion.storage.reading import read_text
@@ -113,10 +112,10 @@ def snu_recordings(folder: Path) -> Iterator[Recording | Dropped]:
             if path.suffix.lower() == ".bvh":
                 # In inches if it has joints of length 0 called …Dummy.
                 inches = b"LeftUpLegDummy" in _head(path, 1 << 14)
-                animation = read_bvh(path, "inches" if inches else "centimeters")
+                animation = bvh.read_bvh(path, "inches" if inches else "centimeters")
             else:
                 rate = _RATE.search(_head(path, 1 << 10))
-                animation = read_asf_amc(path, fps=float(rate[1]) if rate else 30.0)
+                animation = asf_amc.read_asf_amc(path, fps=float(rate[1]) if rate else 30.0)
             joints = joints_at(animation, FPS, animation.fps)
             fastest = np.linalg.norm(np.diff(joints, axis=0), axis=-1).max() * FPS
             if fastest < STILL:
