@@ -77,9 +77,9 @@ def labels_of(dataset: Dataset, mirrored_classes: bool) -> tuple[str, ...]:
     return tuple(sorted(actions))
 
 
-def labelled(dataset: Dataset, split: str, labels: Sequence[str], mirrored: bool) -> list[Clip]:
-    """Returns the clips of a split that have one of the labels."""
-    return [clip for clip in dataset.clips(split, mirrored) if clip.action in labels]
+def labelled(dataset: Dataset, split: str, labels: Sequence[str]) -> list[Clip]:
+    """Returns the clips of a split that have one of the labels, mirrored copies included."""
+    return [clip for clip in dataset.clips(split, mirrored=True) if clip.action in labels]
 
 
 class ClassifierStage(Stage[TemporalClassifier]):
@@ -189,9 +189,7 @@ def train_classifier(
     experiment = replace(experiment, network=replace(experiment.network, **sizes))
     open_run(folder, ClassifierRun("classifier", dataset.fingerprint, experiment), context)
     torch.manual_seed(experiment.training.seed)
-    learned, held_out = (
-        labelled(dataset, part, labels, mirrored=True) for part in ("train", "val")
-    )
+    learned, held_out = (labelled(dataset, part, labels) for part in ("train", "val"))
     memory = FeatureCache(dataset, [*learned, *held_out], normalizer)
     labelled_data = LabelledData(labels, tuple(learned), tuple(held_out), memory)
     network, best = experiment.network.build(), folder / BEST
@@ -228,7 +226,7 @@ def accuracy(recognizer: Recognizer, dataset: Dataset, split: str, frames: int) 
         split: Which split; None is returned where it has no such clip.
         frames: Clips are cut to this many frames, from their middle.
     """
-    clips = labelled(dataset, split, recognizer.labels, mirrored=True)
+    clips = labelled(dataset, split, recognizer.labels)
     if not clips:
         return None
     motions = []

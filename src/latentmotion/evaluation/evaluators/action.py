@@ -109,7 +109,7 @@ class TemporalClassifier(ActionNetwork):
 
     def __init__(self, config: TemporalClassifierConfig) -> None:
         super().__init__()
-        self.entry = MaskedConvolution(config.features, config.channels, 3)
+        self.entry = MaskedConvolution(config.features, config.channels)
         self.blocks = nn.ModuleList(ResidualBlock(config.channels, d) for d in config.dilations)
         self.hidden = nn.Linear(2 * config.channels, config.width)
         self.head = nn.Linear(config.width, config.labels)

@@ -53,12 +53,10 @@ class MaskedConvolution(nn.Module):
 
     rate_change = 0
 
-    def __init__(
-        self, inputs: int, outputs: int, kernel: int, activation: nn.Module | None = None
-    ) -> None:
+    def __init__(self, inputs: int, outputs: int, activation: nn.Module | None = None) -> None:
         super().__init__()
         self.activation = activation or nn.Identity()
-        self.convolution = nn.Conv1d(inputs, outputs, kernel, padding=kernel // 2)
+        self.convolution = nn.Conv1d(inputs, outputs, 3, padding=1)
 
     def forward(self, x: Tensor, row: Tensor) -> Tensor:
         """Returns (batch, outputs, frames)."""
@@ -157,20 +155,20 @@ class ConvolutionalVAE(MotionVAE):
             return [ResidualBlock(width, dilation) for dilation in dilations]
 
         encoder: list[nn.Module] = [
-            MaskedConvolution(features, width, 3),
+            MaskedConvolution(features, width),
             Halve(width),
             *blocks(config.dilations),
             Halve(width),
             *blocks(config.dilations),
-            MaskedConvolution(width, 2 * channels, 3, activation=nn.SiLU()),
+            MaskedConvolution(width, 2 * channels, activation=nn.SiLU()),
         ]
-        decoder: list[nn.Module] = [MaskedConvolution(channels, width, 3)]
+        decoder: list[nn.Module] = [MaskedConvolution(channels, width)]
         match config.decoder:
             case MirroredDecoder():
                 dilations = config.dilations[::-1]
                 decoder += [*blocks(dilations), Double(width), *blocks(dilations), Double(width)]
-                decoder.append(MaskedConvolution(width, width, 3, activation=nn.SiLU()))
-                decoder.append(MaskedConvolution(width, features, 3, activation=nn.SiLU()))
+                decoder.append(MaskedConvolution(width, width, activation=nn.SiLU()))
+                decoder.append(MaskedConvolution(width, features, activation=nn.SiLU()))
             case QuarterRateDecoder(dilations):
                 decoder += [*blocks(dilations), Unfold(width, features)]
         # Features to mean and logvar of the latents, T → T/2 → T/4; latents to features.
