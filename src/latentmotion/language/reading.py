@@ -250,23 +250,20 @@ def _in_order(sentence: str) -> str:
     acts = acts_in(beside) or (beside and beside[0].text.endswith("ing"))
     if not acts or not other or other[-1].text == "and":  # "before the king"
         return sentence
-    first, second = _text(sentence, other), _finite(_text(sentence, beside))
+    first, second = _text(sentence, other), _text(sentence, beside)
+    word, _, rest = second.partition(" ")  # "sitting down" becomes "sits down"
+    bases = [base for base in sorted(other_forms(word)) if verb_forms().get(base) == "base"]
+    base = next((base for base in bases if forms(base).get(word) == "participle"), None)
+    second = f"{third_person(base)} {rest}".rstrip() if base else second
     if words[at] == "after":
         first, second = second, first
-    before, rest = sentence[: tokens[begin].start], sentence[tokens[last - 1].end :]
-    return f"{before}{first}, then {second}{rest}"
+    return (
+        f"{sentence[: tokens[begin].start]}{first}, then {second}{sentence[tokens[last - 1].end :]}"
+    )
 
 
 def _text(sentence: str, tokens: Sequence[Token]) -> str:
     return sentence[tokens[0].start : tokens[-1].end]
-
-
-def _finite(clause: str) -> str:
-    """Returns a clause whose verb is no participle: "sitting down" becomes "sits down"."""
-    word, _, rest = clause.partition(" ")
-    bases = (base for base in sorted(other_forms(word)) if verb_forms().get(base) == "base")
-    base = next((base for base in bases if forms(base).get(word) == "participle"), None)
-    return f"{third_person(base)} {rest}".rstrip() if base else clause
 
 
 def _side_by_side(sentence: str) -> str:
@@ -281,28 +278,28 @@ def _side_by_side(sentence: str) -> str:
 
 
 def _completed(sentence: str) -> str:
-    """Says in full what leaves out what it shares with the movement before it."""
+    """Says in full what leaves out what it shares with the movement before it.
+
+    "Turns to the left, then to the right" becomes "turns to the left, then turns to the right".
+    """
     parts = THEN.split(sentence)
     full = parts[:1]
-    for part in parts[1:]:
-        full.append(_in_full(part, full[-1]))
-    return ", then ".join(full) if full != parts else sentence
-
-
-def _in_full(part: str, before: str) -> str:
-    """Returns a movement in full: after "turns to the left" for "to the right"."""
-    words, others = {*words_of(part)}, {*words_of(before)}
-    shared = others | listed("preposition") | listed("towards") | listed("their")
     ways = listed("forward") | listed("backward") | listed("sideways")
-    for alike in (listed("side"), ways, listed("slow") | listed("fast")):
-        said, other = words & alike, others & alike
-        if len(said) == len(other) == 1 and said != other and words <= shared | said | {"one"}:
-            full = with_words(before.removeprefix("first "), dict(zip(other, said, strict=True)))
-            tokens = tokens_of(full)
-            verb = next((n for n, token in enumerate(tokens) if token.text in verb_forms()), 0)
-            subject = verb and tokens[verb - 1].text in listed("person")
-            return full[tokens[verb].start :] if subject else full
-    return part
+    alike = (listed("side"), ways, listed("slow") | listed("fast"))
+    for part in parts[1:]:
+        words, before = {*words_of(part)}, {*words_of(full[-1])}
+        shared = before | listed("preposition") | listed("towards") | listed("their") | {"one"}
+        for said, other in ((words & kind, before & kind) for kind in alike):
+            if len(said) == len(other) == 1 and said != other and words <= shared | said:
+                others = dict(zip(other, said, strict=True))
+                part = with_words(full[-1].removeprefix("first "), others)
+                tokens = tokens_of(part)
+                verb = next((n for n, token in enumerate(tokens) if token.text in verb_forms()), 0)
+                if verb and tokens[verb - 1].text in listed("person"):
+                    part = part[tokens[verb].start :]
+                break
+        full.append(part)
+    return ", then ".join(full) if full != parts else sentence
 
 
 def _claims(tokens: list[Token], implied: bool) -> list[Told]:

@@ -90,12 +90,6 @@ class Choice:
         return self.neighbors[0].cosine
 
     @property
-    def is_given(self) -> bool:
-        """Whether a clip was shown for the sentence, or drawn for nearly the same words."""
-        support = self.neighbors[0].caption.support
-        return support == SHOWN or (support == DRAWN and self.cosine >= ALIKE_WORDS)
-
-    @property
     def is_near(self) -> bool:
         """Whether the nearest may show the movement."""
         return self.neighbors[0].is_near
@@ -270,7 +264,7 @@ class Chooser:
             return [self.choice(done[0])]
         spans: list[Span] = [((clause,), self.choice(clause, sentence)) for clause in done]
         whole, said = (tuple(done), self.choice(sentence)), self._said(sentence)
-        shown = whole[1].is_given and whole[1].neighbors[0].caption.support == SHOWN
+        shown = whole[1].neighbors[0].caption.support == SHOWN
         if shown or self._tells(whole, spans):
             return [whole[1]]
         text = said.caption.text if said else ""
@@ -332,7 +326,8 @@ class Chooser:
         if done := suffered(sentence):  # how common it is to do it says nothing
             near = [n for n in near if suffered(n.caption.text) or n.cosine >= NEARLY_ALIKE]
             support = max((n.caption.support for n in near), default=support)
-            if (shows := max(done.values())) and not (near and near[0].is_near):
+            shows = max(done.values())
+            if shows not in ("", sentence) and not (near and near[0].is_near):
                 return replace(self.choice(shows), sentence=sentence)
         if not near:
             return Choice(tuple(every[:1]), max(support, OFTEN), sentence)
@@ -345,22 +340,21 @@ class Chooser:
         # A clip that was shown, or else drawn, for a sentence takes turns with none that was not.
         shown = [neighbor for neighbor in alike if neighbor.caption.support == SHOWN]
         drawn = [neighbor for neighbor in alike if neighbor.caption.support == DRAWN]
-        if _claims(sentence).difference(
-            kinds("low")
-        ):  # "spins" is no spinning on the back: noise makes what is common
-            plain = [n for n in drawn if not _says_more(n, sentence)]
-            alike = [n for n in alike if n in plain or n not in drawn] or alike
+        # "Spins" is no spinning on the back: noise makes what can be claimed, but for postures.
+        if not _claims(sentence) <= {*kinds("low")}:
+            special = [n for n in drawn if _says_more(n, sentence)]
+            alike = [n for n in alike if n not in special] or alike
             drawn = [n for n in drawn if n in alike]
-        claimed = bool(drawn) and (
+        beside = -np.inf  # support up to which recorded captions beside it do not stand against it
+        if drawn and (
             drawn[0].cosine >= ALIKE_WORDS or _claims(sentence) <= self._claims_of(drawn[0])
-        )
+        ):
+            as_near = drawn[0].cosine >= alike[0].cosine - EQUAL
+            most = np.inf if drawn[0].cosine >= ALIKE_WORDS else OFTEN
+            beside = RARE if drawn[0].cosine < NEARLY_ALIKE else most if as_near else USUAL
         if shown:
             same, support = shown, SHOWN
-        elif (
-            drawn
-            and support <= _most_beside(drawn[0], drawn[0].cosine >= alike[0].cosine - EQUAL)
-            and claimed
-        ):
+        elif support <= beside:
             same, support = drawn, DRAWN
         else:
             first = alike[0].caption.support == DRAWN
@@ -450,15 +444,6 @@ def _in_turn(caption: str, sentence: str) -> bool:
     words = {*words_of(caption)}
     row = "," in caption or not words.isdisjoint(("and", "before", "after"))
     return row and "while" not in words and len(named_sides(sentence)) < 2
-
-
-def _most_beside(drawn: Neighbor, nearest: bool) -> float:
-    """Returns up to which support of recorded captions beside it a drawn clip is started from."""
-    if drawn.cosine < NEARLY_ALIKE:
-        return RARE
-    if not nearest:
-        return USUAL
-    return np.inf if drawn.cosine >= ALIKE_WORDS else OFTEN
 
 
 def _says_more(neighbor: Neighbor, sentence: str) -> bool:

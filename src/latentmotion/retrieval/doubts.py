@@ -248,8 +248,7 @@ def _edits(word: str) -> Iterator[str]:
 
 def _outside(sentence: str) -> tuple[str, str] | None:
     """Returns the first words of what is never moved, and what to say of it."""
-    words = words_of(sentence)
-    text = f" {' '.join(words)} "
+    text = f" {' '.join(words_of(sentence))} "
     for phrase, says in _outside_kinds().items():
         head, hit, _ = text.partition(f" {phrase} ")
         if hit and "like" not in head.split()[-3:]:

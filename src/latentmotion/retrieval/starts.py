@@ -261,7 +261,11 @@ class ClipStarts:
         """Returns the latents of each movement, gestures over what the body does beneath."""
         parts: list[np.ndarray] = []
         for choice, neighbor in zip(choices, chosen, strict=True):
-            latents = self._latents(neighbor) if neighbor else self._sampled(choice, request)
+            latents = (
+                self._latents(neighbor)
+                if neighbor
+                else self.encoder(self.sample(choice.sentence, request, None))
+            )
             drawn = neighbor is not None and neighbor.caption.support == DRAWN
             if drawn and (choice.under or parts):
                 latents = self._layered(latents, choice.under, parts, request)
@@ -292,7 +296,7 @@ class ClipStarts:
             beneath = (
                 stretched(self._latents(clip), len(latents))
                 if clip
-                else self._sampled(under, request, len(gesture))
+                else self.encoder(self.sample(under.sentence, request, len(gesture)))
             )
             body = self._joints(beneath)[: len(gesture)]
         else:
@@ -321,12 +325,6 @@ class ClipStarts:
         if neighbor.mirrored:
             latents = self.encoder(self.representation.mirror(features))[: len(latents)]
         return latents[begin:]
-
-    def _sampled(
-        self, choice: Choice, request: GenerationRequest, frames: int | None = None
-    ) -> Float[np.ndarray, "tokens width"]:
-        """Returns the latents of a movement that is sampled from noise."""
-        return self.encoder(self.sample(choice.sentence, request, frames))
 
     def _needed(self, parts: Sequence[Float[np.ndarray, "_ width"]]) -> list[int]:
         """Returns which movements in a row are needed: who lies after a shot falls no more.
