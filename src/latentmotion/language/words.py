@@ -110,8 +110,8 @@ def suffered(sentence: str) -> Mapping[str, str]:
     leads = zip(["" if active else "is", *words], words, strict=False)
     acted = {word for lead, word in leads if lead in listed("auxiliary")}
     verbs = data("words.toml")["done_to"]
-    done = [v for v in verbs if acted & {past_tense(v), *_OTHER.get(v, ())}]
-    return {form: verbs[verb] for verb in done for form in forms(verb) if form not in verbs}
+    done = [verbs[word] for word in acted & verbs.keys()]
+    return {form: shows for base, shows in done for form in forms(base) if form != base}
 
 
 def refers_back(clause: str) -> bool:
@@ -380,7 +380,7 @@ _PAST = {
     "kneel": "knelt", "creep": "crept", "leap": "leapt", "set": "set", "break": "broke",
     "bring": "brought", "spring": "sprang", "bear": "bore", "say": "said", "lay": "laid",
     "lose": "lost", "leave": "left", "spread": "spread", "sleep": "slept", "sink": "sank",
-    "have": "had", "be": "was", "shoot": "shot", "beat": "beat", "bite": "bit", "catch": "caught",
+    "have": "had", "be": "was",
 }  # fmt: skip
 
 _DOUBLED = re.compile(r"[^aeiou]*(?:qu)?[aeiou][bdgklmnprt]|(?:un|zig|side)?(?:zag|step)")
@@ -390,8 +390,7 @@ _DOUBLED_IN_PAST = re.compile(rf"{_DOUBLED.pattern}|side-step")
 # Further forms that people write.
 _OTHER = {
     "lean": ("leant",), "leap": ("leaped",), "kneel": ("kneeled",), "tiptoe": ("tiptoing",),
-    "sleep": ("slept",), "hide": ("hid",), "fight": ("fought",), "throw": ("thrown",),
-    "bite": ("bitten",), "beat": ("beaten",),
+    "sleep": ("slept",), "hide": ("hid",), "fight": ("fought",),
     "swivel": ("swivelled", "swivelling"), "lie": ("lain", "laying"),
     "walk": ("walkes",), "spring": ("sprung",), "strike": ("stricken",),
 }  # fmt: skip
