@@ -531,11 +531,11 @@ def test_a_movement_that_both_sides_show_starts_from_no_mirror_image(fast, side)
 @pytest.mark.parametrize(
     ("sentence", "says"),
     [
-        ("gets slapped in the face", "gets punched in the face"),  # "slaps somebody in the face"
+        ("gets slapped in the face", "gets slapped"),  # "slaps somebody in the face"
         ("is kicked in the shin", "is kicked in the gut"),
         ("is hit by a ball", "is knocked back"),  # "hits the ball with a bat"
         ("a man is pushed to the ground", "gets pushed"),
-        ("is shot by an arrow", "is shot"),
+        ("is shot by an arrow", "hit by an arrow"),
         ("pushes", "pushes someone"),  # "gets pushed" is nearer
         ("kicked the ball", "kick a ball"),
         ("is thrown over the shoulder", None),  # "throws somebody over the shoulder"
