@@ -535,9 +535,10 @@ def test_a_movement_that_both_sides_show_starts_from_no_mirror_image(fast, side)
         ("is kicked in the shin", "is kicked in the gut"),
         ("is hit by a ball", "is knocked back"),  # "hits the ball with a bat"
         ("a man is pushed to the ground", "gets pushed"),
-        ("is shot by an arrow", "hit by an arrow"),
-        ("pushes", "pushes someone"),  # "gets pushed" is nearer
+        ("is shot by an arrow", "hit by an arrow"),  # "shoots an arrow"
+        ("pushes", "pushes someone"),  # "someone pushes him" is nearer
         ("kicked the ball", "kick a ball"),
+        ("spins", None),  # "spins on the back"
         ("is thrown over the shoulder", None),  # "throws somebody over the shoulder"
     ],
 )

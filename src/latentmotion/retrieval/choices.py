@@ -329,6 +329,11 @@ class Chooser:
             shows = max(done.values())
             if shows not in ("", sentence) and not (near and near[0].is_near):
                 return replace(self.choice(shows), sentence=sentence)
+        if len(content_words(sentence)) == 1 and not _claims(sentence) <= {*kinds("low")}:
+            special = [n for n in near if n.caption.support == DRAWN and _says_more(n, sentence)]
+            if special:  # what is farther is near by chance
+                near = [n for n in near if n not in special and n.cosine >= NEARLY_ALIKE]
+                support = max((n.caption.support for n in near), default=support)
         if not near:
             return Choice(tuple(every[:1]), max(support, OFTEN), sentence)
         near = near[:MOST_CHOICES]
@@ -340,11 +345,6 @@ class Chooser:
         # A clip that was shown, or else drawn, for a sentence takes turns with none that was not.
         shown = [neighbor for neighbor in alike if neighbor.caption.support == SHOWN]
         drawn = [neighbor for neighbor in alike if neighbor.caption.support == DRAWN]
-        # "Spins" is no spinning on the back: noise makes what can be claimed, but for postures.
-        if not _claims(sentence) <= {*kinds("low")}:
-            special = [n for n in drawn if _says_more(n, sentence)]
-            alike = [n for n in alike if n not in special] or alike
-            drawn = [n for n in drawn if n in alike]
         beside = -np.inf  # support up to which recorded captions beside it do not stand against it
         if drawn and (
             drawn[0].cosine >= ALIKE_WORDS or _claims(sentence) <= self._claims_of(drawn[0])
@@ -447,7 +447,10 @@ def _in_turn(caption: str, sentence: str) -> bool:
 
 
 def _says_more(neighbor: Neighbor, sentence: str) -> bool:
-    """Whether a caption that is not the same repeats all of a sentence and says more."""
+    """Whether a caption that is not the same repeats a sentence and says more.
+
+    Who spins does not spin on the back: noise makes a plain act that can be claimed.
+    """
     words, caption = content_words(sentence), content_words(neighbor.caption.text)
     said = [caption & (other_forms(word) | {word}) for word in words]
     more = all(said) and caption - frozenset().union(*said)
@@ -469,8 +472,9 @@ def _fits(caption: str, sentence: str) -> bool:
         for word, opposite in opposites()
     )
     active, passive = suffered(sentence).keys() & words, suffered(caption).keys() & said
-    against |= bool(active) and not (suffered(caption) or words & {"him", "them"})
-    against |= bool(passive) and not suffered(sentence)
+    told = "him" in words and not words.isdisjoint(("someone", "somebody"))  # "someone pushes him"
+    against |= bool(active) and not (suffered(caption) or "him" in words)
+    against |= (bool(passive) or told) and not suffered(sentence) and "him" not in said
     ways = [{gait.direction == "place" for gait in _gaits_of(text)} for text in (sentence, caption)]
     return not against and (ways[0] == ways[1] or True not in ways[0] | ways[1])
 
