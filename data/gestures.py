@@ -49,6 +49,7 @@ from latentmotion.retrieval.index import (
     read_index,
 )
 from latentmotion.retrieval.teach import ShownClip, build_index
+from latentmotion.retrieval.wordings import distinct, read_wordings, with_wordings
 
 HERE = Path(__file__).parent
 
@@ -425,14 +426,17 @@ def recorded(index: ClipIndex) -> ClipIndex:
         texts[caption.clip].update(words_of(caption.text))
     moved = (replace(clip, start=clip.start - rows) for clip in index.clips[len(drawn) :])
     others = (replace(c, clip=c.clip - len(drawn)) for c in index.captions[captions:])
+    remaining = index.wordings >= captions
     return replace(
         index,
         sources=tuple(source for source in index.sources if source.name != SOURCE),
         clips=tuple(moved),
         captions=tuple(others),
         latents=index.latents[rows:],
-        wordings=index.wordings - captions,
-        embeddings=index.embeddings[captions:],
+        wordings=index.wordings[remaining] - captions,
+        embeddings=index.embeddings[captions:][
+            np.append(np.ones(len(index.captions) - captions, bool), remaining)
+        ],
         words=dict(Counter(index.words) - Counter(word for text in texts for word in text)),
     )
 
@@ -472,6 +476,10 @@ class Gestures:
     # Folder for the data without its test clips, each clip as one item, and the movements: a
     # decoder that trains on it draws movements as they are drawn.
     prepared: Path | None = None
+    # Wordings of the names of movements, as of `latentmotion teach`.
+    wordings: Path = HERE / "phrases.tsv.xz"
+    # Further wordings of the captions of recordings, which the index keeps from then on.
+    further: tuple[Path, ...] = ()
 
     def run(self) -> None:
         """Writes it."""
@@ -517,6 +525,11 @@ class Gestures:
         index = replace(index.preferred(DRAWN), latents=codes, latent_scale=scale)
         if target.is_file():
             index = index.joined(recorded(read_index(target)))
+        names = {row["captions"][0] for row in read_rows(self.table)}
+        wordings = read_wordings(self.further) if self.further else {}
+        wordings |= {n: w for n, w in read_wordings([self.wordings]).items() if n in names}
+        if wordings:
+            index = distinct(with_wordings(index, wordings, pipeline.text_encoder))
         self.out.mkdir(parents=True, exist_ok=True)
         index.write(target)
         searched = sum(clip.id not in stored for clip in shown)

@@ -384,7 +384,7 @@ class ClipIndex:
             # Column by column, which packs 9 % smaller.
             "clips": [*zip(*map(_values, self.clips), strict=True)],
             "captions": [*zip(*map(_values, self.captions), strict=True)],
-            "words": dict(self.words),
+            "words": dict(sorted(self.words.items())),
         }
         about = json.dumps(text, separators=(",", ":"), ensure_ascii=False).encode()
         content = save({**arrays, "text": np.frombuffer(about, np.uint8)})

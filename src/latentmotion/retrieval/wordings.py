@@ -123,10 +123,10 @@ def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str 
 def with_wordings(
     index: ClipIndex, wordings: Mapping[str, Sequence[str]], text_encoder: TextEncoder
 ) -> ClipIndex:
-    """Returns an index whose captions are found by their wordings, too.
+    """Returns an index whose captions are found by further wordings, too.
 
     Args:
-        index: Without wordings.
+        index: With wordings or without.
         wordings: Of captions of the data; those of captions that were left out go to the nearest
             that says the same, if there is one.
         text_encoder: The encoder of the index.
@@ -134,8 +134,13 @@ def with_wordings(
     Raises:
         InputError: No wording is of a caption of the index.
     """
-    captions = index.embeddings.astype(np.float32)
-    said = embedded(list(wordings), text_encoder) @ unit(captions).T
+
+    def along(sentences: Sequence[str]) -> Float[np.ndarray, "sentences components"]:
+        vectors = embedded(sentences, text_encoder)
+        return unit(vectors @ index.directions) if index.directions.size else vectors
+
+    captions = index.embeddings[: len(index.captions)].astype(np.float32)
+    said = along(list(wordings)) @ unit(captions).T
     nearest, same = said.argmax(axis=1), said.max(axis=1) >= SAME
     rows = [
         (wording, int(caption))
@@ -148,10 +153,11 @@ def with_wordings(
             f"none of {len(wordings)} captions with wordings is among those of the data; a line is "
             "CAPTION<tab>WORDS|WORDS"
         )
-    codes, _ = quantized(embedded([text for text, _ in rows], text_encoder), 1, EMBEDDING_LEVELS)
+    codes, _ = quantized(along([text for text, _ in rows]), 1, EMBEDDING_LEVELS)
+    numbers = np.array([caption for _, caption in rows], np.int32)
     return replace(
         index,
-        wordings=np.array([caption for _, caption in rows], np.int32),
+        wordings=np.concatenate([index.wordings, numbers]),
         embeddings=np.concatenate([index.embeddings, codes]),
     )
 
