@@ -88,7 +88,7 @@ Points = Float[np.ndarray, "frames 3"]
 
 
 @dataclass
-class Body:
+class DrawnBody:
     """A body over time whose joints are moved."""
 
     # Joints, meters; in the first frame the pelvis is above the origin and faces along z.
@@ -159,33 +159,15 @@ def draw(
         collar, *arm = body.limb(side, "collar shoulder elbow wrist")
         joints[:, collar] += raised / 2
         joints[:, arm] += raised[:, None]
-    turned = np.einsum("fca,fcb->fab", body.heading, body.axes)
-    for side, sign in SIDES.items():
-        arm = body.limb(side, "shoulder elbow wrist")
-        hang = np.einsum("fd,fdb->fb", start[:, arm[2]] - start[:, arm[0]], turned)
-        bent = start[:, arm[1]] - (start[:, arm[0]] + start[:, arm[2]]) / 2
-        bent = np.einsum("fd,fdb->fb", bent, turned)
-        keys = _places(gesture.get(side, gesture.get("both", [[0.0, "rest"]])))
-        if any(key[1:] != ["rest"] for key in keys):
-            wrist, led = _led(body, keys, side, joints[:, arm[0]] + hang, times)
-            higher = ((wrist - joints[:, arm[0]]) * body.axes[:, 1]).sum(axis=1)
-            higher = led[:, 0] * np.clip((higher + 0.5) / 0.9, 0, 1)
-            rise = (SHOULDER_RISE * higher[:, None] * body.axes[:, 1])[:, None]
-            joints[:, [body.at[f"{side}_collar"], *arm]] += rise * [[0.5], [1.0], [1.0], [1.0]]
-            wrist, _ = _led(body, keys, side, joints[:, arm[0]] + hang, times)
-            wrist += led * _swung(body, swings, (side, "both"), sign, times)
-            near = np.linalg.norm(wrist - joints[:, arm[0]], axis=1, keepdims=True)
-            wrist += np.maximum(ROUND - near, 0) * led * body.axes[:, 2]
-            pole = _pole(gesture, "elbow", side, "both", ELBOW)
-            pole = _unit(bent) * (1 - led) + _unit(body.offset(pole, sign)) * led
-            _reach(joints, arm, wrist, pole)
-        else:
-            _reach(joints, arm, joints[:, arm[0]] + hang, _unit(bent))
+    for side in SIDES:
+        _arm(body, gesture, start, side, times)
         _step(body, gesture, start, side, times)
     return joints
 
 
-def _body(gesture: dict[str, Any], recording: np.ndarray, names: list[str], frames: int) -> Body:
+def _body(
+    gesture: dict[str, Any], recording: np.ndarray, names: list[str], frames: int
+) -> DrawnBody:
     """Returns the recording from the origin, at a gesture's speed and as long as it is."""
     at = {name: n for n, name in enumerate(names)}
     speed = gesture.get("speed", 1.0)
@@ -208,7 +190,7 @@ def _body(gesture: dict[str, Any], recording: np.ndarray, names: list[str], fram
     right = right @ turn
     up = np.broadcast_to([0.0, 1.0, 0.0], right.shape)
     axes = np.stack([right, up, np.cross(up, right)], axis=1)
-    return Body(joints, at, axes.copy(), axes.copy())
+    return DrawnBody(joints, at, axes.copy(), axes.copy())
 
 
 def _places(keys: list[list[Any]]) -> list[list[Any]]:
@@ -217,7 +199,7 @@ def _places(keys: list[list[Any]]) -> list[list[Any]]:
 
 
 def _led(
-    body: Body, keys: list[list[Any]], side: str, rest: Points, times: np.ndarray
+    body: DrawnBody, keys: list[list[Any]], side: str, rest: Points, times: np.ndarray
 ) -> tuple[Points, Float[np.ndarray, "frames 1"]]:
     """Returns where a hand or a foot is led to, and how much it is led rather than at rest."""
     points = []
@@ -237,8 +219,36 @@ def _led(
     return _along(moments, np.stack(points), times), _along(moments, shares, times)
 
 
+def _arm(
+    body: DrawnBody, gesture: dict[str, Any], start: np.ndarray, side: str, times: np.ndarray
+) -> None:
+    """Puts a hand to its target, or where it hangs, the shoulder and the elbow accordingly."""
+    joints, sign, swings = body.joints, SIDES[side], gesture.get("swing", [])
+    arm = body.limb(side, "shoulder elbow wrist")
+    turned = np.einsum("fca,fcb->fab", body.heading, body.axes)
+    hang = np.einsum("fd,fdb->fb", start[:, arm[2]] - start[:, arm[0]], turned)
+    bent = start[:, arm[1]] - (start[:, arm[0]] + start[:, arm[2]]) / 2
+    bent = np.einsum("fd,fdb->fb", bent, turned)
+    keys = _places(gesture.get(side, gesture.get("both", [[0.0, "rest"]])))
+    if all(key[1:] == ["rest"] for key in keys):
+        _reach(joints, arm, joints[:, arm[0]] + hang, _unit(bent))
+        return
+    wrist, led = _led(body, keys, side, joints[:, arm[0]] + hang, times)
+    higher = ((wrist - joints[:, arm[0]]) * body.axes[:, 1]).sum(axis=1)
+    higher = led[:, 0] * np.clip((higher + 0.5) / 0.9, 0, 1)
+    rise = (SHOULDER_RISE * higher[:, None] * body.axes[:, 1])[:, None]
+    joints[:, [body.at[f"{side}_collar"], *arm]] += rise * [[0.5], [1.0], [1.0], [1.0]]
+    wrist, _ = _led(body, keys, side, joints[:, arm[0]] + hang, times)
+    wrist += led * _swung(body, swings, (side, "both"), sign, times)
+    near = np.linalg.norm(wrist - joints[:, arm[0]], axis=1, keepdims=True)
+    wrist += np.maximum(ROUND - near, 0) * led * body.axes[:, 2]
+    pole = _pole(gesture, "elbow", side, "both", ELBOW)
+    pole = _unit(bent) * (1 - led) + _unit(body.offset(pole, sign)) * led
+    _reach(joints, arm, wrist, pole)
+
+
 def _step(
-    body: Body, gesture: dict[str, Any], start: np.ndarray, side: str, times: np.ndarray
+    body: DrawnBody, gesture: dict[str, Any], start: np.ndarray, side: str, times: np.ndarray
 ) -> None:
     """Puts a leg's ankle to its target, the knee and the foot accordingly."""
     sign, swings = SIDES[side], gesture.get("swing", [])
@@ -305,7 +315,11 @@ def _along(
 
 
 def _swung(
-    body: Body, swings: list[dict[str, Any]], of: tuple[str, ...], sign: float, times: np.ndarray
+    body: DrawnBody,
+    swings: list[dict[str, Any]],
+    of: tuple[str, ...],
+    sign: float,
+    times: np.ndarray,
 ) -> Points:
     """Returns the oscillations of a hand or a foot."""
     moved = np.zeros((len(times), 3))
