@@ -126,6 +126,15 @@ def test_who_jumps_onto_a_box_does_not_jump_off_one(fast):
     assert "off" in off.neighbors[0].caption.text and "off" not in onto.neighbors[0].caption.text
 
 
+def test_who_puts_the_hands_up_does_not_put_a_hand_up(fast):
+    (hands,), (hand,) = (
+        fast.clip_starts.chooser.choices(fast.read(f"put your {limb} up"))
+        for limb in ("hands", "hand")
+    )
+    assert hand.neighbors[0].caption.text == "put your hand up"
+    assert "hands" in hands.neighbors[0].caption.text
+
+
 def test_a_clip_is_slowed_down_for_who_is_slow(fast):
     usual, slow = fast.batch(["knocks on a door", "knocks slowly on a door"], seeds=[0, 0])
     same = [motion.metadata["from_clips"][0]["clip"] for motion in (usual, slow)]

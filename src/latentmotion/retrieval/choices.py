@@ -20,7 +20,7 @@ from latentmotion.arrays import unit
 from latentmotion.condition import TextEncoder
 from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.language.acts import lookups
-from latentmotion.language.claims import Claim, both_sides, kinds
+from latentmotion.language.claims import Claim, both_sides, data, kinds
 from latentmotion.language.reading import asked_exactly, request_of
 from latentmotion.language.words import (
     at_once,
@@ -464,7 +464,7 @@ def _gaits_of(sentence: str) -> list[Claim]:
 def _fits(caption: str, sentence: str) -> bool:
     """Whether a caption says nothing against a sentence: "off" for "onto", a way for "in place".
 
-    Who is hit does not hit.
+    Who is hit does not hit; who puts the hands up does not put a hand up.
     """
     said, words = {*words_of(sentence)}, {*words_of(caption)}
     against = any(
@@ -475,6 +475,10 @@ def _fits(caption: str, sentence: str) -> bool:
     told = "him" in words and not words.isdisjoint(("someone", "somebody"))  # "someone pushes him"
     against |= bool(active) and not (suffered(caption) or "him" in words)
     against |= (bool(passive) or told) and not suffered(sentence) and "him" not in said
+    single = {noun for lead, noun in pairwise(words_of(caption)) if lead in listed("determiner")}
+    against |= any(
+        limb in single and limbs in said - words for limb, limbs in data("words.toml")["limbs"]
+    )
     ways = [{gait.direction == "place" for gait in _gaits_of(text)} for text in (sentence, caption)]
     return not against and (ways[0] == ways[1] or True not in ways[0] | ways[1])
 
