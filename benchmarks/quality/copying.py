@@ -60,7 +60,7 @@ def main(
         sampling = replace(sampling, steps=16, sampler="dpm++")
     for row in rows.tolist():
         caption = rare[row]
-        latents = index.latents_of(caption)[:49]
+        latents = clips.chooser.index.latents_of(caption)[:49]
         frames = 4 * len(latents)
         clip = placed(
             pipeline.representation, clips.decode(latents[None], np.ones((1, frames), bool))[0]
