@@ -67,6 +67,7 @@ def test_cards_name_data_license_and_no_path_of_a_machine(name: str) -> None:
         "snu",
         "hdm05",
         "composed",
+        "gestures",
     }
     assert provenance.commands and not any(" /" in command for command in provenance.commands)
 
