@@ -16,7 +16,7 @@ from latentmotion.condition import TextTask
 from latentmotion.diffusion.parametrization import Epsilon, Velocity
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
 from latentmotion.errors import ModelError
-from latentmotion.export.package import copied, package_model
+from latentmotion.export.package import copied, matrices_to_pack, package_model
 from latentmotion.model.card import ModelCard, find_model, read_card
 from latentmotion.model.config import (
     ConvolutionalVAEConfig,
@@ -123,6 +123,12 @@ def test_denoiser_and_decoder_but_its_last_layer_are_kept_in_8_bits(
     save_file(weights | {scale: weights[scale][1:]}, tmp_path / "model" / WEIGHTS_FILE)
     with pytest.raises(ModelError, match=rf"{scale} has shape \(\d+, 1\), expected"):
         load_model(tmp_path / "model")
+
+
+def test_a_decoder_whose_layers_have_names_stays_in_16_bits() -> None:
+    names = ("vae.decoder.10.weight", "vae.decoder.2.weight", "vae.decoder.out.weight")
+    assert matrices_to_pack({name: torch.zeros(4, 4, 3) for name in names}) == [names[1]]
+    assert matrices_to_pack({names[2]: torch.zeros(4, 4, 3)}) == []
 
 
 def test_nothing_is_written_of_half_a_model(tmp_path: Path) -> None:
