@@ -53,18 +53,14 @@ def kind_by_object(mention: Mention, before: Tokens, verb: Tokens, after: Tokens
     if to_and_fro or ahead & listed("hand"):
         return "twist"
     if kind == "turn":
-        return "twist" if set(words) & listed("twisted") or _turns_thing(near(after)) else kind
+        # Whether it has an object that is not the body: "spins a basketball".
+        article, beside = words[:1] and words[0] in listed("articles"), set(words[1:4])
+        counted = any(token.number for token in near(after)[:3])
+        thing = article and beside and not counted and not beside & listed("not_things")
+        return "twist" if set(words) & listed("twisted") or thing else kind
     motion = verb[-1].text == "motion" and not ahead & listed("gait_forms")
     by_hand = "opposite" in words or has(near(after), "with * hand|hands")
     return "twist" if ahead & listed("swung") or motion or by_hand else kind
-
-
-def _turns_thing(words: Tokens) -> bool:
-    """Whether a turn has an object that is not the body: "spins a basketball"."""
-    texts = [token.text for token in words[:4]]
-    article = len(texts) > 1 and texts[0] in listed("articles")
-    counted = any(token.number for token in words[:3])
-    return article and not counted and not set(texts[1:]) & listed("not_things")
 
 
 def side_and_direction(kind: str, before: Tokens, verb: Tokens, after: Tokens) -> tuple[str, str]:

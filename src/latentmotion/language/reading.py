@@ -222,7 +222,15 @@ def told_in_order(sentence: str) -> str:
     "Before sitting down he waves" becomes "he waves, then sits down", and "kick with the left leg,
     then with the right" becomes "…, then kick with the right leg": captions are told so.
     """
-    return _completed(_side_by_side(_in_order(sentence)))
+    sentence = _in_order(sentence)
+    tokens = tokens_of(sentence)
+    each = next((n for n in range(len(tokens)) if match("each {limb}", tokens, n)), None)
+    if each is not None and tokens[each - 1].text != "in":
+        named = acts_in(tokens)
+        if len(named) == 1 and named[0].start < each:  # the limb of one side after the other's
+            limb = sentence[tokens[each].end :].rstrip(" .")
+            sentence = f"{sentence[: tokens[each].start]}the left{limb}, then the right{limb}"
+    return _completed(sentence)
 
 
 def _in_order(sentence: str) -> str:
@@ -264,17 +272,6 @@ def _in_order(sentence: str) -> str:
 
 def _text(sentence: str, tokens: Sequence[Token]) -> str:
     return sentence[tokens[0].start : tokens[-1].end]
-
-
-def _side_by_side(sentence: str) -> str:
-    """Tells what is done with each limb of one side after the other."""
-    tokens = tokens_of(sentence)
-    at = next((n for n in range(len(tokens)) if match("each {limb}", tokens, n)), None)
-    named = acts_in(tokens)
-    if at is None or len(named) != 1 or not named[0].start < at or tokens[at - 1].text == "in":
-        return sentence
-    limb = sentence[tokens[at].end :].rstrip(" .")
-    return f"{sentence[: tokens[at].start]}the left{limb}, then the right{limb}"
 
 
 def _completed(sentence: str) -> str:
@@ -325,7 +322,9 @@ def _claims(tokens: list[Token], implied: bool) -> list[Told]:
         follows = any(token.text in listed("then") or token.text in ".;" for token in gap)
         if not (claim.kind == "circle" and claims and claims[-1][0].kind == "arm_circle"):
             claims.append((replace(claim, then=index > 0 and follows), mention))
-    return _full_circles(_joined_turns(claims), tokens) if implied else claims
+    on_the_spot = not any(claim.kind in kinds("way") for claim, _ in claims)
+    full = on_the_spot and has(tokens, "full|complete|whole circle")
+    return _joined_turns(claims, full) if implied else claims
 
 
 def _claim(mention: Mention, before: Tokens, verb: Tokens, after: Tokens, implied: bool) -> Claim:
@@ -345,37 +344,30 @@ def _claim(mention: Mention, before: Tokens, verb: Tokens, after: Tokens, implie
     return Claim(kind, clock or side, direction, int(count), degrees, pace)
 
 
-def _joined_turns(claims: list[Told]) -> list[Told]:
-    """Joins "turns left" and "to face the other way", which are one turn."""
+def _joined_turns(claims: list[Told], full: bool) -> list[Told]:
+    """Joins "turns left" and "to face the other way", which are one turn.
+
+    Args:
+        claims: In the order of the sentence.
+        full: Whether circles are full ones on the spot, and so turns; on foot they are ways to go.
+    """
     joined: list[Told] = []
     for claim, mention in claims:
         last = joined[-1][0] if joined else Claim("")
+        circles = full and claim.kind == "circle"
         faces = claim.kind == last.kind == "turn" and not mention.base and claim.degrees
         agrees = not claim.side or last.side in ("", claim.side)
-        if faces and agrees and not claim.then and not last.degrees:
+        if circles and last.kind == "turn":
+            turn = replace(last, degrees=360.0, side=last.side or claim.side)
+            joined[-1] = (turn, joined[-1][1])
+        elif circles:
+            joined.append((replace(claim, kind="turn", degrees=360.0), mention))
+        elif faces and agrees and not claim.then and not last.degrees:
             turn = replace(last, degrees=claim.degrees, side=last.side or claim.side)
             joined[-1] = (turn, joined[-1][1])
         else:
             joined.append((claim, mention))
     return joined
-
-
-def _full_circles(claims: list[Told], tokens: Tokens) -> list[Told]:
-    """Makes a full circle on the spot a turn; on foot it is a circle to go."""
-    on_foot = any(claim.kind in kinds("way") for claim, _ in claims)
-    if on_foot or not has(tokens, "full|complete|whole circle"):
-        return claims
-    turns: list[Told] = []
-    for claim, mention in claims:
-        last = turns[-1][0] if turns else Claim("")
-        if claim.kind == "circle" and last.kind == "turn":
-            turn = replace(last, degrees=360.0, side=last.side or claim.side)
-            turns[-1] = (turn, turns[-1][1])
-        elif claim.kind == "circle":
-            turns.append((replace(claim, kind="turn", degrees=360.0), mention))
-        else:
-            turns.append((claim, mention))
-    return turns
 
 
 def asked_exactly(prompt: str, any_length: bool) -> Corrections:
