@@ -246,11 +246,20 @@ def exact_turns(
     for number, wish in enumerate(turns):
         if wish is not None and _RANGE[0] <= wish.degrees <= _RANGE[1]:
             track = joints[:, number]
-            heading = _heading(track[:, hips[0]] - track[:, hips[1]], fps)
-            total = 0.0 if heading is None else float(np.degrees(heading[-1] - heading[0]))
+            across = track[:, hips[0]] - track[:, hips[1]]
+            flat = np.hypot(across[:, 0], across[:, 2])
+            if (flat < _LEVEL * np.linalg.norm(across, axis=1)).any():  # the body lies
+                continue
+            heading = np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))
+            heading = gaussian_smooth(heading[:, None], _SMOOTH * fps)[:, 0]
+            total = float(np.degrees(heading[-1] - heading[0]))
             wrong = (total > 0) != (wish.side == "left") if wish.side else False
             near = abs(wish.degrees - abs(total)) < _EXACT
-            if heading is None or wrong or near or not _is_one_turn(heading, wish.degrees):
+            most = max(_MOST_TIMES * wish.degrees, min(_SMALL_TIMES * wish.degrees, _SMALL))
+            turned = np.degrees(heading - heading[0]) * np.sign(total)
+            back = (np.maximum.accumulate(turned) - turned).max()
+            doubtful = back > _BACK or not _LEAST * wish.degrees <= abs(total) <= most
+            if wrong or near or doubtful:
                 continue
             rates = np.maximum(np.sign(total) * np.diff(heading), 0)
             missing = np.sign(total) * np.radians(wish.degrees - abs(total))
@@ -262,23 +271,3 @@ def exact_turns(
             joints[:, number] = turn(track - root, added[:, None]) + path
             before[number] = total
     return joints, before
-
-
-def _is_one_turn(heading: Float[np.ndarray, " frames"], degrees: float) -> bool:
-    """Whether a motion's turn is without doubt the one of so many degrees that was asked."""
-    total = np.degrees(heading[-1] - heading[0])
-    turned = np.degrees(heading - heading[0]) * np.sign(total)
-    most = max(_MOST_TIMES * degrees, min(_SMALL_TIMES * degrees, _SMALL))
-    back = float((np.maximum.accumulate(turned) - turned).max())
-    return bool(_LEAST * degrees <= abs(total) <= most and back <= _BACK)
-
-
-def _heading(
-    across: Float[np.ndarray, "frames 3"], fps: float
-) -> Float[np.ndarray, " frames"] | None:
-    """Returns the heading of the line between the hips, radians; none if the body lies."""
-    flat = np.hypot(across[:, 0], across[:, 2])
-    if (flat < _LEVEL * np.linalg.norm(across, axis=1)).any():
-        return None
-    heading = np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))
-    return gaussian_smooth(heading[:, None], _SMOOTH * fps)[:, 0]

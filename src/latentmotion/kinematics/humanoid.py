@@ -188,28 +188,17 @@ class Humanoid:
         neck = sources.setdefault("neck", chest)
         stretched = {neck: 1.5, chest: -0.5} if isinstance(neck, str) and neck != chest else neck
         sources.setdefault("head", stretched)
+        # Horizontal direction that the body faces in the rest pose, from hips and height.
+        rest = self.skeleton.rest_joints()
+        left, right, foot = (rest[self.joints[n]] for n in ("left_hip", "right_hip", "left_ankle"))
+        ahead = np.cross(left - right, rest[self.chest] - foot)
         for side in SIDES:
             shoulder, ankle = (self.joints[f"{side}_{name}"] for name in ("shoulder", "ankle"))
             sources.setdefault(f"{side}_collar", {names[shoulder]: 0.45, chest: 0.55})
             below = self.skeleton.children(ankle)
-            toes = max(
-                below, key=lambda tip: self.skeleton.offsets[tip].dot(self._ahead), default=0
-            )
+            toes = max(below, key=lambda tip: self.skeleton.offsets[tip].dot(ahead), default=0)
             sources.setdefault(f"{side}_foot", names[toes or ankle])
         return sources
-
-    @cached_property
-    def _ahead(self) -> Float[np.ndarray, " 3"]:
-        """Horizontal direction that the body faces in the rest pose, from hips and height."""
-        rest = self.skeleton.rest_joints()
-        left, right, ankle, chest = (
-            rest[joint]
-            for joint in (
-                *(self.joints[f"{side}_hip"] for side in SIDES),
-                *(self.joints["left_ankle"], self.chest),
-            )
-        )
-        return np.cross(left - right, chest - ankle)
 
     def _common_ancestor(self, joints: list[int]) -> int:
         """Returns the lowest joint that all these equal or descend from."""

@@ -181,7 +181,20 @@ def find_standing(
     upward = direction(joints[:, index("head")] - feet)
     up, about_up = (stated.up, []) if stated.up is not None else up_axis(upward)
     guesses += about_up
-    _check_sides(left, right, joints[:, index("neck")] - joints[:, 0], leg)
+    # Both knees and toes show whether the body faces backward.
+    ahead = direction(np.cross(left[0] - right[0], joints[:, index("neck")] - joints[:, 0]))
+    knees, toes = [], []
+    for hip, knee, ankle, foot in (left, right):
+        line = direction(ankle - hip)
+        off = (knee - hip) - line * ((knee - hip) * line).sum(-1, keepdims=True)
+        bent = np.linalg.norm(off, axis=-1) > _BENT * leg
+        knees += ((off * ahead).sum(-1)[bent] / leg).tolist()
+        toes += ((foot - ankle) * ahead).sum(-1).tolist()
+    if knees and toes and np.median(knees) < -_BENT / 2 and np.median(toes) < 0:
+        raise DataError(
+            "knees bend and toes point backward: left and right are swapped in the names or the "
+            "joint map (--map), or the file is mirrored (left-handed axes); export it again"
+        )
     return Standing(meters, up, leg * meters, tuple(guesses))
 
 
@@ -242,28 +255,6 @@ def up_axis(upward: Float[np.ndarray, "frames 3"]) -> tuple[str, list[str]]:
         f"the figure lies in {1 - shares['y']:.0%} of the frames if y points up, and stands "
         "along no other axis; give the axis that points up with --up"
     )
-
-
-def _check_sides(
-    left: Float[np.ndarray, "4 frames 3"],
-    right: Float[np.ndarray, "4 frames 3"],
-    trunk: Float[np.ndarray, "frames 3"],
-    leg: float,
-) -> None:
-    """Raises DataError where both knees and toes show that the body faces backward."""
-    ahead = direction(np.cross(left[0] - right[0], trunk))
-    knees, toes = [], []
-    for hip, knee, ankle, foot in (left, right):
-        line = direction(ankle - hip)
-        off = (knee - hip) - line * ((knee - hip) * line).sum(-1, keepdims=True)
-        bent = np.linalg.norm(off, axis=-1) > _BENT * leg
-        knees += ((off * ahead).sum(-1)[bent] / leg).tolist()
-        toes += ((foot - ankle) * ahead).sum(-1).tolist()
-    if knees and toes and np.median(knees) < -_BENT / 2 and np.median(toes) < 0:
-        raise DataError(
-            "knees bend and toes point backward: left and right are swapped in the names or the "
-            "joint map (--map), or the file is mirrored (left-handed axes); export it again"
-        )
 
 
 def upright(animation: Animation, standing: Standing) -> Animation:

@@ -375,7 +375,15 @@ def inspect_rig(path: str | Path, joint_map: Mapping[str, str] | None = None) ->
     file, guessed = open_rig(path), ()
     bones = file.skeleton.names
     if joint_map is None:
-        joint_map, guessed = _bones_of_joints(file)
+        try:
+            joints: Mapping[str, int] = find_humanoid(file.skeleton, file.declared).joints
+        except DataError:
+            guesses = {}
+            with suppress(DataError):  # it has no legs
+                guesses = draft.draft_map(file.skeleton)
+            joints = {ours: guess.joint for ours, guess in guesses.items()}
+            guessed = tuple(guesses)
+        joint_map = {ours: bones[joint] for ours, joint in joints.items()}
     mapping = {name: joint_map.get(name) for name in (*REQUIRED, *OPTIONAL)} | dict(joint_map)
     missing = tuple(name for name in REQUIRED if mapping[name] is None)
     problem = f"no bone is named for {', '.join(missing)}" if missing else None
@@ -387,16 +395,3 @@ def inspect_rig(path: str | Path, joint_map: Mapping[str, str] | None = None) ->
             raise
         problem = problem or str(error)
     return RigReport(bones, mapping, guessed, missing, problem)
-
-
-def _bones_of_joints(file: RigFile) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Returns the bones of our joints in a character, and the joints that are guesses."""
-    names = file.skeleton.names
-    try:
-        joints = find_humanoid(file.skeleton, file.declared).joints
-        return {ours: names[joint] for ours, joint in joints.items()}, ()
-    except DataError:
-        guesses = {}
-        with suppress(DataError):  # it has no legs
-            guesses = draft.draft_map(file.skeleton)
-        return {ours: names[guess.joint] for ours, guess in guesses.items()}, tuple(guesses)

@@ -81,7 +81,10 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
         DataError: The joints of the source are unknown.
     """
     character = SourceCharacter.of(source, body)
-    if _is_own(character, rig):
+    theirs, ours = character.body.skeleton, rig.skeleton
+    axes, same = RestPose.of(character.body).axes, _SAME * rig.leg
+    alike = theirs.names == ours.names and theirs.parents == ours.parents
+    if alike and np.abs(np.asarray(theirs.offsets) @ axes - ours.offsets).max() < same:
         facing = facing_at_rest(character.body)  # a rig's rest pose faces +z, whatever its file's
         joints = character.joints @ facing
         root = joints[:, 0] - (0, rig.floor, 0)
@@ -121,15 +124,6 @@ class CharacterFigure:
     def __call__(self, motion: Motion) -> tuple[Mannequin, Animation]:
         """Returns the surface and the motion on the rig."""
         return self._skin, retarget(motion, self._rig)
-
-
-def _is_own(source: SourceCharacter, rig: Rig) -> bool:
-    """Returns whether the motion is of the rig's own skeleton."""
-    theirs, ours = source.body.skeleton, rig.skeleton
-    if theirs.names != ours.names or theirs.parents != ours.parents:
-        return False
-    turned = np.asarray(theirs.offsets) @ RestPose.of(source.body).axes
-    return bool(np.abs(turned - ours.offsets).max() < _SAME * rig.leg)
 
 
 def with_root_motion(animation: Animation, rig: Rig, root_motion: RootMotion) -> Animation:

@@ -319,8 +319,8 @@ def _urdf(root: ET.Element, source: Path) -> Iterator[Link]:
     """Yields the links of a URDF, parents first."""
     below: dict[str, list[ET.Element]] = {}
     for joint in root.findall("joint"):
-        below.setdefault(_attribute(joint, "parent", "link"), []).append(joint)
-    children = {_attribute(joint, "child", "link") for joint in root.findall("joint")}
+        below.setdefault(_link_of(joint, "parent"), []).append(joint)
+    children = {_link_of(joint, "child") for joint in root.findall("joint")}
     links = {link.attrib["name"]: link for link in root.findall("link")}
     tops = [name for name in links if name not in children]
     if len(tops) != 1:
@@ -349,18 +349,18 @@ def _urdf(root: ET.Element, source: Path) -> Iterator[Link]:
         inertial = links[name].find("inertial")
         center = np.zeros(3) if inertial is None else _origin(inertial)[0]
         yield Link(parent, offset, rotation, shapes=points, center=center, **turns)
-        after = [(_attribute(each, "child", "link"), number, each) for each in below.get(name, [])]
+        after = [(_link_of(each, "child"), number, each) for each in below.get(name, [])]
         queue = after + queue  # depth first, as MuJoCo orders hinges
         number += 1
         if number > _MOST_LINKS:
             raise FileFormatError(source, f"more than {_MOST_LINKS} links, or links in a circle")
 
 
-def _attribute(element: ET.Element, tag: str, name: str) -> str:
-    child = element.find(tag)
+def _link_of(joint: ET.Element, tag: str) -> str:
+    child = joint.find(tag)
     if child is None:
-        raise ValueError(f"<{element.tag}> without <{tag}>")
-    return child.attrib[name]
+        raise ValueError(f"<{joint.tag}> without <{tag}>")
+    return child.attrib["link"]
 
 
 def _origin(element: ET.Element) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
