@@ -160,15 +160,20 @@ class Doubts:
 
     def doubt(self, sentence: str) -> Doubt | None:
         """Returns what the model knows least of a sentence, None if it knows all."""
-        outside = _outside(sentence)
+        text, outside = f" {' '.join(words_of(sentence))} ", ""
+        for phrase in _outside_kinds():  # the first words of what is never moved
+            head, hit, _ = text.partition(f" {phrase} ")
+            if hit and "like" not in head.split()[-3:]:
+                outside = phrase
+                break
         for number, part in enumerate(parts_of(sentence)):
             vectors = self.text_encoder([part, of_a_person(part)]).pooled
             (neighbor,) = self.index.nearest(vectors, 1)
             caption = neighbor.caption.text
             near = neighbor.cosine >= NEAR_ENOUGH
-            named = outside and outside[0] in part.lower()
-            if outside and named and not (near and outside[0] in caption.lower()):
-                return Doubt(outside[0], outside[1], caption)
+            shown = near and outside in caption.lower()
+            if outside and outside in part.lower() and not shown:
+                return Doubt(outside, _outside_kinds()[outside], caption)
             words = words_of(part)
             unheard = sum(not self._is_known(word) for word in words)
             if unheard > 1 and 2 * unheard > len(words):  # another language
@@ -244,16 +249,6 @@ def _edits(word: str) -> Iterator[str]:
             yield head + letter + tail
             if tail:
                 yield head + letter + tail[1:]
-
-
-def _outside(sentence: str) -> tuple[str, str] | None:
-    """Returns the first words of what is never moved, and what to say of it."""
-    text = f" {' '.join(words_of(sentence))} "
-    for phrase, says in _outside_kinds().items():
-        head, hit, _ = text.partition(f" {phrase} ")
-        if hit and "like" not in head.split()[-3:]:
-            return phrase, says
-    return None
 
 
 @cache

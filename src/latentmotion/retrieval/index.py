@@ -174,10 +174,6 @@ class ClipIndex:
         # The cosines asked for last: the nearest of a sentence and their support follow each other.
         return {}
 
-    @cached_property
-    def _clip_of(self) -> Int[np.ndarray, " captions"]:
-        return np.array([caption.clip for caption in self.captions])
-
     def _cosines(
         self, sentences: Float[np.ndarray, "sides width"], wordings: bool = False
     ) -> Float[np.ndarray, "sides rows"]:
@@ -212,7 +208,7 @@ class ClipIndex:
             neighbors[caption.clip] = Neighbor(
                 caption, float(best[row]), bool(cosines[:, row].argmax())
             )
-            best[self._clip_of == caption.clip] = -np.inf
+            best[self.captions_of[caption.clip]] = -np.inf
         return list(neighbors.values())
 
     @cached_property

@@ -19,7 +19,7 @@ movements enough captions that every sentence of the data is near one, so that i
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -131,18 +131,12 @@ def build_index(
     )
 
 
-def shown_clips(dataset: Dataset, held_out: Container[str] = frozenset()) -> Iterator[ShownClip]:
-    """Yields the recorded clips of the train split of prepared data.
-
-    Args:
-        dataset: Prepared data.
-        held_out: Sentences that no caption may be: those of a test set.
-    """
+def shown_clips(dataset: Dataset) -> Iterator[ShownClip]:
+    """Yields the recorded clips of the train split of prepared data that have captions."""
     for clip in dataset.clips("train"):
-        captions = tuple(caption for caption in clip.captions if caption.text not in held_out)
-        if clip.source != COMPOSED and captions:
+        if clip.source != COMPOSED and clip.captions:
             features = dataset.features(clip)
-            yield ShownClip(clip.id, clip.source, clip.origin, features, captions)
+            yield ShownClip(clip.id, clip.source, clip.origin, features, tuple(clip.captions))
 
 
 NEAR = 0.7  # Cosine of pooled embeddings from which two sentences usually name the same movement.
@@ -203,21 +197,14 @@ def thinned(index: ClipIndex) -> ClipIndex:
         rows_of_clip = rare[caption.clip]
         if not rows_of_clip or float((vectors[rows_of_clip] @ vectors[row]).max()) < SAME_OF_CLIP:
             rows_of_clip.append(row)
-    numbers = sorted(
-        [*(row for rows in rare.values() for row in rows), *_spread(vectors, [*frequent.values()])]
-    )
-    return _with_rows(index, numbers)
-
-
-def _spread(vectors: np.ndarray, rows: list[int]) -> list[int]:
-    """Returns rows none of which is near another, such that each of `rows` is near one."""
-    far = np.empty((len(rows), vectors.shape[1]), np.float32)
+    # Of the frequent ones none is near another, and each that is left out is near one.
+    far = np.empty((len(frequent), vectors.shape[1]), np.float32)
     spread: list[int] = []
-    for row in rows:
+    for row in frequent.values():
         if not spread or float((far[: len(spread)] @ vectors[row]).max()) < SAME_OF_ALL:
             far[len(spread)] = vectors[row]
             spread.append(row)
-    return spread
+    return _with_rows(index, sorted([*(row for rows in rare.values() for row in rows), *spread]))
 
 
 def _with_rows(index: ClipIndex, rows: list[int]) -> ClipIndex:

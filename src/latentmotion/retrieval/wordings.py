@@ -162,7 +162,7 @@ def with_wordings(
     )
 
 
-def along_discriminants(index: ClipIndex, components: int = COMPONENTS) -> ClipIndex:
+def along_discriminants(index: ClipIndex) -> ClipIndex:
     """Returns an index that keeps embeddings along its linear discriminants (Fisher 1936).
 
     They maximize the scatter between captions over that of a caption's wordings, so two ways to say
@@ -187,7 +187,7 @@ def along_discriminants(index: ClipIndex, components: int = COMPONENTS) -> ClipI
     within = within / max(float(np.trace(within)), 1e-9) + RIDGE / width * np.eye(width)
     whitening = np.linalg.inv(np.linalg.cholesky(within))
     _, along = np.linalg.eigh(whitening @ between @ whitening.T)
-    return index.along((whitening.T @ along[:, ::-1][:, :components]).astype(np.float32))
+    return index.along((whitening.T @ along[:, ::-1][:, :COMPONENTS]).astype(np.float32))
 
 
 def distinct(index: ClipIndex) -> ClipIndex:

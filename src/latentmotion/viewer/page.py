@@ -71,15 +71,12 @@ class Skinned:
 
 
 def page_html(
-    motions: Sequence[Motion],
-    title: str | None = None,
-    figure: Literal["mannequin", "stick"] | Skinned = "mannequin",
+    motions: Sequence[Motion], figure: Literal["mannequin", "stick"] | Skinned = "mannequin"
 ) -> str:
     """Returns a page that shows the motions side by side.
 
     Args:
         motions: At least one; each stands beside the one before, in its own color.
-        title: Title of the page; the first caption if not given.
         figure: The mannequin, a stick figure, or a skin with its moves in these motions.
 
     Raises:
@@ -92,7 +89,7 @@ def page_html(
         entry["marks"] = marks_of(motion)
     if figure != "mannequin":
         content["figure"] = figure if isinstance(figure, str) else figure.content()
-    return filled_page(title or motions[0].caption or "Latent Motion", json_in_html(content))
+    return filled_page(motions[0].caption or "Latent Motion", json_in_html(content))
 
 
 def filled_page(title: str, motions: str) -> str:
