@@ -217,8 +217,16 @@ class Client:
                 outcome = self._http.request(method, path, **sent)
             except httpx.HTTPError as error:
                 outcome = error
-            pause = _retry_after(outcome)
-            if pause is None and lost < RECONNECTS and _lost(outcome, repeatable):
+            after = ""  # for how many seconds a busy service wants to be left alone
+            if isinstance(outcome, httpx.Response):
+                is_lost = repeatable and outcome.status_code in LOST
+                if outcome.status_code in BUSY:
+                    after = outcome.headers.get("Retry-After", "")
+            else:  # a connection that was refused has carried nothing
+                kinds = httpx.NetworkError | httpx.RemoteProtocolError
+                is_lost = isinstance(outcome, kinds if repeatable else httpx.ConnectError)
+            pause = min(float(after), LONGEST_WAIT) if after.isdecimal() else None
+            if pause is None and lost < RECONNECTS and is_lost:
                 pause = PAUSE * 2**lost
                 lost += 1
             if pause is None or time.monotonic() + pause >= end:
@@ -304,23 +312,6 @@ def read_motions(content: bytes) -> list[Motion]:
         file = Path(folder) / "answer.npz"
         file.write_bytes(content)
         return formats.load(file)
-
-
-def _retry_after(outcome: httpx.Response | httpx.HTTPError) -> float | None:
-    """Returns for how many seconds a busy service wants to be left alone, if it says so."""
-    if not isinstance(outcome, httpx.Response) or outcome.status_code not in BUSY:
-        return None
-    after = outcome.headers.get("Retry-After", "")
-    return min(float(after), LONGEST_WAIT) if after.isdecimal() else None
-
-
-def _lost(outcome: httpx.Response | httpx.HTTPError, repeatable: bool) -> bool:
-    """Returns whether a call did not arrive, or may arrive twice and was not answered."""
-    if isinstance(outcome, httpx.Response):
-        return repeatable and outcome.status_code in LOST
-    # A connection that was refused has carried nothing.
-    lost = httpx.NetworkError | httpx.RemoteProtocolError
-    return isinstance(outcome, lost if repeatable else httpx.ConnectError)
 
 
 def _given(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -147,6 +147,14 @@ def inertialized(
     parents, count = list(skeleton.parents[1:]), len(piece)
     root = piece[:, :1].astype(np.float64)
     bones = unit(piece[:, 1:].astype(np.float64) - piece[:, parents])
+    # What is left of an offset and of its rate, from the first frame after a seam on.
+    blend = min(blend, float(count))
+    short = _RATE * blend + 1
+    u, v = (
+        np.clip((np.arange(count) + 1) / length, 0, 1)[:, None, None]
+        for length in (blend + 1, short)
+    )
+    still, rate = 1 - quintic(u), short * rate_left(v)
     lengths = []
     for beside, backwards in ((before, False), (after, True)):
         if not len(beside):
@@ -158,8 +166,12 @@ def inertialized(
         moved, turned = root[flip], bones[flip]
         # Both continue each other's way: the piece to the frames before it, as far as they go.
         offsets = near[:2, :1] - _continued(moved)[: len(near[:2])]
-        turns = _rotation_between(unit(_continued(turned)[: len(near[:2])]), unit(around[:2]))
-        still, rate = _decay(count, min(blend, float(count)))
+        ways, goals = unit(_continued(turned)[: len(near[:2])]), unit(around[:2])
+        # The smallest rotations of these ways into those, as vectors.
+        axes = np.cross(ways, goals)
+        sines = np.linalg.norm(axes, axis=-1, keepdims=True)
+        angles = np.arctan2(sines, (ways * goals).sum(axis=-1, keepdims=True))
+        turns = axes / np.maximum(sines, 1e-9) * angles
         root = (moved + still * offsets[0] + rate * (offsets[0] - offsets[-1]))[flip]
         turn = still * turns[0] + rate * (turns[0] - turns[-1])
         bones = quaternion_rotate(quaternion_from_axis_angle(turn), turned)[flip]
@@ -175,28 +187,6 @@ def _continued(values: Float[np.ndarray, "frames n 3"]) -> Float[np.ndarray, "tw
         return np.stack([few[0], few[0]])
     step, bend = few[0] - few[1], few[0] - 2 * few[1] + few[2]
     return np.stack([few[0] + step + 0.5 * bend, few[0] + 2 * step + 1.5 * bend])
-
-
-def _decay(
-    count: int, blend: float
-) -> tuple[Float[np.ndarray, "frames 1 1"], Float[np.ndarray, "frames 1 1"]]:
-    """Returns what is left of an offset and of its rate, from the first frame after a seam on."""
-    short = _RATE * blend + 1
-    u, v = (
-        np.clip((np.arange(count) + 1) / length, 0, 1)[:, None, None]
-        for length in (blend + 1, short)
-    )
-    return 1 - quintic(u), short * rate_left(v)
-
-
-def _rotation_between(
-    start: Float[np.ndarray, "*batch 3"], end: Float[np.ndarray, "*batch 3"]
-) -> Float[np.ndarray, "*batch 3"]:
-    """Returns the rotation vectors of the smallest rotations of unit vectors into others."""
-    cross = np.cross(start, end)
-    sine = np.linalg.norm(cross, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, (start * end).sum(axis=-1, keepdims=True))
-    return cross / np.maximum(sine, 1e-9) * angle
 
 
 class _Limbs:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -190,16 +191,24 @@ def _traveling_loop(
     generator: Generator, state: State, body: Motion, seed: int, takes: int
 ) -> Motion:
     """Returns the loop of a state along a straight path, in step and at its speed."""
-    every = [
-        _ahead(generate_loop(generator, state.prompt, seconds, seed + number))
-        for seconds in _LENGTHS
-        for number in range(takes)
-    ]
-    every = [loop for loop in every if _steps(loop)[0] == _CYCLES]
+    every: list[Motion] = []
+    for seconds, number in product(_LENGTHS, range(takes)):
+        loop = generate_loop(generator, state.prompt, seconds, seed + number)
+        # Turned so that it travels along an axis, the nearest one.
+        step = turn_of(loop)[1]
+        way = float(np.arctan2(step[0], step[2]))
+        aside = way - np.round(way / (np.pi / 2)) * (np.pi / 2)
+        loop = _with(loop, turn(loop.joints.astype(np.float64), np.array(-aside)))
+        if _steps(loop)[0] == _CYCLES:
+            every.append(loop)
     speed = state.speed or float(np.median([_speed(loop) for loop in every] or [1.0]))
-    timed = [_at_speed(loop, speed) for loop in every]
-    begun = [_from(loop, _steps(loop)[1]) for loop in timed if loop is not None]
-    loops = [_placed(_on_body(loop, body)) for loop in begun]
+    loops: list[Motion] = []
+    for loop in every:
+        timed = _at_speed(loop, speed)
+        if timed is not None:  # it begins with the frame in which the left foot is ahead most
+            whole, first = unrolled(timed, 0, 1).joints, _steps(timed)[1]
+            joints = np.concatenate([whole, whole[-1:]])[first : first + len(timed)]
+            loops.append(_placed(_on_body(_with(timed, joints), body)))
     if not loops:
         pace = "" if state.speed is None else f" at {state.speed:g} m/s"
         raise InputError(
@@ -265,14 +274,6 @@ def _placed(motion: Motion) -> Motion:
     return _with(motion, joints)
 
 
-def _ahead(loop: Motion) -> Motion:
-    """Returns a loop turned so that it travels along an axis, the nearest one."""
-    _, step = turn_of(loop)
-    way = float(np.arctan2(step[0], step[2]))
-    aside = way - np.round(way / (np.pi / 2)) * (np.pi / 2)
-    return _with(loop, turn(loop.joints.astype(np.float64), np.array(-aside)))
-
-
 def _advancing(loop: Motion, step: Float[np.ndarray, " 3"]) -> Motion:
     """Returns a loop whose turn advances by another step; the difference is spread evenly."""
     more = step - turn_of(loop)[1]
@@ -305,13 +306,6 @@ def _steps(loop: Motion) -> tuple[int, int]:
     period = len(ahead) / cycles
     phase = round(-float(np.angle(waves[cycles])) / (2 * np.pi) * period) % round(period)
     return cycles, phase
-
-
-def _from(loop: Motion, frame: int) -> Motion:
-    """Returns a loop that begins with another of its frames."""
-    whole, count = unrolled(loop, 0, 1), len(loop) - 1
-    joints = np.concatenate([whole.joints, whole.joints[-1:]])[frame : frame + count + 1]
-    return _with(loop, joints)
 
 
 def _roughness(loop: Motion) -> float:

@@ -249,25 +249,19 @@ class Batcher:
                 loop.call_soon_threadsafe(_deliver, batch, results)
 
     def _take(self) -> list[_Task]:
-        """Waits for the next batch; none at the end."""
-        with self._changed:
-            while not self._ends:
-                if batch := self._next():
-                    return batch
-                self._changed.wait()
-        return []
-
-    def _next(self) -> list[_Task]:
-        """Returns the task whose turn it is and others of its key; background tasks come last."""
+        """Waits for the task whose turn it is, and others of its key; returns none at the end."""
         batch: list[_Task] = []
-        for line in (self._waiting, self._background):
-            waiting = [task for task in line if not task.future.cancelled()]
-            for task in self._turns.order(waiting):
-                if not batch or (task.key == batch[0].key and len(batch) < self._batch):
-                    batch.append(task)
-            line.clear()
-            line.extend(task for task in waiting if task not in batch)
-        self._turns.served(batch)
+        with self._changed:
+            while not (batch or self._ends):
+                for line in (self._waiting, self._background):  # background tasks come last
+                    waiting = [task for task in line if not task.future.cancelled()]
+                    ordered = [*batch, *self._turns.order(waiting)]
+                    batch = [task for task in ordered if task.key == ordered[0].key][: self._batch]
+                    line.clear()
+                    line.extend(task for task in waiting if task not in batch)
+                self._turns.served(batch)
+                if not batch:
+                    self._changed.wait()
         return batch
 
 
@@ -347,21 +341,18 @@ def run(
     """
     if not isinstance(key, BatchSettings):
         return [_result_or_error(payload) for payload in payloads]
-    generated = partial(_motions, pipeline, key)
+    sampling = key.steps, key.guidance, key.sampler
+
+    def generated(prompts: Sequence[Prompt]) -> list[RawMotion]:
+        seconds = None if key.predicted else [prompt.seconds or 0.0 for prompt in prompts]
+        texts, seeds = [prompt.text for prompt in prompts], [prompt.seed for prompt in prompts]
+        return pipeline.raw_motions(texts, seconds, seeds, *sampling)
+
     try:
         return generated(payloads)
     except LatentMotionError:
         # One of them is at fault, and the others do not pay for it.
         return [_result_or_error(lambda p=prompt: generated([p])[0]) for prompt in payloads]
-
-
-def _motions(
-    pipeline: MotionPipeline, settings: BatchSettings, prompts: Sequence[Prompt]
-) -> list[RawMotion]:
-    seconds = None if settings.predicted else [prompt.seconds or 0.0 for prompt in prompts]
-    texts, seeds = [prompt.text for prompt in prompts], [prompt.seed for prompt in prompts]
-    sampling = settings.steps, settings.guidance, settings.sampler
-    return pipeline.raw_motions(texts, seconds, seeds, *sampling)
 
 
 def _result_or_error(function: Callable[[], Any]) -> Any | LatentMotionError:

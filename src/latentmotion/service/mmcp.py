@@ -251,7 +251,17 @@ class LatentMotionBackbone(Backbone):
         goals: list[Goal] = []
         for constraint in request.constraints:
             if isinstance(constraint, schemas.RootPathConstraint):
-                goals += _path(constraint, stage.scale, fps)
+                times = [frame / fps for frame in constraint.frames]
+                points = [(x / stage.scale, z / stage.scale) for x, z in constraint.positions_xz]
+                apart = np.linalg.norm(np.diff(points, axis=0), axis=-1) if points[1:] else [0.0]
+                angles = zip(times, constraint.heading_radians or (), strict=False)
+                turns = [Heading(at, float(np.degrees(angle))) for at, angle in angles]
+                if constraint.frames[0] == 0 and min(apart) > 1e-3:  # it begins at the start
+                    goals += [RootPath(points, times), *turns]
+                else:
+                    places = zip(times, points, strict=True)
+                    reaches = [Reach("pelvis", at, (x, None, z)) for at, (x, z) in places]
+                    goals += [*turns, *reaches]
             elif isinstance(constraint, schemas.EffectorTargetConstraint):
                 name = stage.ours(constraint.joint)
                 if name is None:
@@ -330,21 +340,6 @@ _TAKES = schemas.ModelOption.model_validate(
 
 # Seconds of a motion whose frame is a pose.
 _POSE = (1.0, 1.05)
-
-
-def _path(constraint: schemas.RootPathConstraint, scale: float, fps: float) -> list[Goal]:
-    """Returns a root path as a curve where it begins at the start, else as places of the pelvis."""
-    times = [frame / fps for frame in constraint.frames]
-    points = [(x / scale, z / scale) for x, z in constraint.positions_xz]
-    turns: list[Goal] = [
-        Heading(at, float(np.degrees(angle)))
-        for at, angle in zip(times, constraint.heading_radians or (), strict=False)
-    ]
-    apart = np.linalg.norm(np.diff(points, axis=0), axis=-1) if len(points) > 1 else np.zeros(1)
-    if constraint.frames[0] == 0 and len(points) > 1 and apart.min() > 1e-3:
-        return [RootPath(points, times), *turns]
-    places = zip(times, points, strict=True)
-    return [*turns, *(Reach("pelvis", at, (x, None, z)) for at, (x, z) in places)]
 
 
 def application(pipeline: MotionPipeline) -> FastAPI:

@@ -10,7 +10,6 @@ import math
 import select
 import socket
 import warnings
-from collections.abc import Sequence
 from contextlib import suppress
 from types import FrameType
 from typing import Any
@@ -148,7 +147,16 @@ class Server(uvicorn.Server):
         end = loop.time() + (self.config.timeout_graceful_shutdown or math.inf)
         with suppress(TimeoutError):
             async with asyncio.timeout_at(end):
-                await self._refuse_connections(sockets or [])
+                # Listening ends after the waiting connections are accepted, which closing would
+                # reset: somebody who came is let in by the next two passes of the event loop.
+                passes = 0
+                for _ in range(PASSES):
+                    passes = 0 if select.select(sockets or [], (), (), 0)[0] else passes + 1
+                    if passes > 2:
+                        break
+                    await asyncio.sleep(0)
+                for listener in [*self.servers, *(sockets or [])]:
+                    listener.close()
                 # Until no request is under way and none came for a while.
                 state, answered = self.server_state, -1
                 while not self.force_exit and (state.tasks or state.total_requests != answered):
@@ -156,20 +164,6 @@ class Server(uvicorn.Server):
                     await asyncio.sleep(QUIET)
         self.config.timeout_graceful_shutdown = max(0, math.ceil(end - loop.time()))
         await super().shutdown(sockets)
-
-    async def _refuse_connections(self, sockets: Sequence[socket.socket]) -> None:
-        """Stops listening after accepting the waiting connections, which closing would reset."""
-        passes = 0  # of the event loop since somebody came, who is let in by the next two
-        for _ in range(PASSES):
-            waits = bool(select.select(sockets, (), (), 0)[0])
-            passes = 0 if waits else passes + 1
-            if passes > 2:
-                break
-            await asyncio.sleep(0)
-        for server in self.servers:
-            server.close()
-        for listener in sockets:
-            listener.close()
 
 
 def bound(host: str, port: int) -> socket.socket:
