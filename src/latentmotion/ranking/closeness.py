@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -263,13 +264,10 @@ def _spans(claim: Claim, scene: Measured) -> list[Event]:
 
 def _follows(first: Claim, second: Claim, scene: Measured) -> float:
     """Returns how surely the second act follows the first, 0 to 1 at half a second and more."""
+    first_lasts, second_lasts = (claim.kind in kinds("lasting") for claim in (first, second))
     leads = []
-    for before in _spans(first, scene):
-        for two in _spans(second, scene):
-            begins, ends = two.start - before.start, two.end - before.end
-            lead = begins if first.kind in kinds("lasting") else ends
-            lead = (
-                min(begins, ends) if not {first.kind, second.kind} & set(kinds("lasting")) else lead
-            )
-            leads.append(lead / (0.5 * FPS))
+    for before, after in product(_spans(first, scene), _spans(second, scene)):
+        begins, ends = after.start - before.start, after.end - before.end
+        lead = begins if first_lasts else ends if second_lasts else min(begins, ends)
+        leads.append(lead / (0.5 * FPS))
     return _ramp(max(leads, default=0.0), 0.0, 1.0)
