@@ -90,7 +90,7 @@ def test_sentences_of_train_clips_are_corrected() -> None:
 
 
 def test_corrections_are_of_train_clips_that_the_pack_has() -> None:
-    stored = read_pack(PACK).header.manifest.clips
+    stored = read_pack(PACK)[0].manifest.clips
     clips = {clip.id: clip for clip in stored if clip.split == "train"}
     trials = {clip.origin.partition("[")[0] for clip in clips.values()}
     wrong, added = (LABELS["corrections"][name] for name in ("wrong", "added"))

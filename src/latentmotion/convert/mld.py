@@ -252,7 +252,16 @@ def denoiser_config(weights: Weights, origin: Origin) -> configs.DenoiserConfig:
     frames = "pose_embd.weight" in weights
     in_context = "context_first" if frames else "latents_first"
     projections = [n for n in ("pose_embd.weight", "latent_pre.weight") if n in weights]
-    projection, condition_width = _condition_projection(weights, stack.width, origin)
+    projection: Literal["linear", "relu_linear", "table", "none"] = "none"
+    condition_width = stack.width
+    if "emb_proj.action_embedding" in weights:
+        projection = "table"
+        condition_width = shape(weights, "emb_proj.action_embedding")[0]
+    elif "emb_proj.1.weight" in weights:
+        usual = "none" if is_motionlcm(weights) else "relu"
+        linear = (origin.text_activation or usual) == "none"
+        projection = "linear" if linear else "relu_linear"
+        condition_width = shape(weights, "emb_proj.1.weight")[1]
     return configs.DenoiserConfig(
         latent_width=shape(weights, projections[0])[1] if projections else stack.width,
         condition_width=condition_width,
@@ -294,18 +303,6 @@ def _normalizer(features: int, origin: Origin) -> tuple[tuple[float, ...], tuple
         sizes = f"{len(mean)} means and {len(std)} deviations"
         raise InputError(f"the normalizer has {sizes}, the checkpoint {features} features")
     return mean, std
-
-
-def _condition_projection(
-    weights: Weights, width: int, origin: Origin
-) -> tuple[Literal["linear", "relu_linear", "table", "none"], int]:
-    if "emb_proj.action_embedding" in weights:
-        return "table", shape(weights, "emb_proj.action_embedding")[0]
-    if "emb_proj.1.weight" in weights:
-        usual = "none" if is_motionlcm(weights) else "relu"
-        linear = (origin.text_activation or usual) == "none"
-        return "linear" if linear else "relu_linear", shape(weights, "emb_proj.1.weight")[1]
-    return "none", width
 
 
 def transformer(weights: Weights, stack: str, origin: Origin) -> configs.TransformerConfig:

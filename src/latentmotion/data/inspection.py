@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
-
 from latentmotion.data.clip import SPLITS
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.recording import files_below
@@ -81,8 +79,7 @@ def _prepared(dataset: Dataset) -> Iterator[str]:
             raise DataError(f"{folder / shard.file} is damaged (hash); copy it or prepare again")
     for split in SPLITS:
         for clip in dataset.clips(split):
-            if not np.isfinite(dataset.features(clip)).all():
-                raise DataError(f"{folder}: clip {clip.id} is not finite; prepare it again")
+            dataset.features(clip)  # which checks them
     yield f"prepared data set: {manifest.representation}, {manifest.fps:g} fps, every hash right"
     yield PreparationReport(parts_of(manifest), (), None).table()
     yield f"normalizer: {manifest.normalizer.origin}"

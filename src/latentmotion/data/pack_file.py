@@ -18,6 +18,7 @@ import shutil
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -56,27 +57,6 @@ class PackHeader:
     blocks: tuple[int, ...]  # Bytes of each shard's motions in this file.
 
 
-@dataclass(frozen=True)
-class PackFile:
-    """A pack in memory, its hash compared, its motions still compressed."""
-
-    path: Path  # Where it was read.
-    header: PackHeader  # Its header.
-    blocks: tuple[bytes, ...]  # One per shard, compressed.
-
-    def motions(self, block: int, size: int) -> bytes:
-        """Returns the motions of a shard.
-
-        Args:
-            block: Index of the shard.
-            size: Bytes that they are expected to be.
-
-        Raises:
-            FileFormatError: They are not.
-        """
-        return _unpacked(self.path, f"block {block}", self.blocks[block], size)
-
-
 def write_pack(path: Path, header: PackHeader, blocks: Sequence[bytes]) -> None:
     """Writes a pack in place of what was there.
 
@@ -102,8 +82,8 @@ def compressed(motions: bytes) -> bytes:
     return lzma.compress(motions, format=lzma.FORMAT_XZ, filters=_FILTERS)
 
 
-def read_pack(path: Path) -> PackFile:
-    """Reads a pack; its motions are not unpacked yet.
+def read_pack(path: Path) -> tuple[PackHeader, list[bytes]]:
+    """Returns the header of a pack and the motions of each shard, still compressed.
 
     Raises:
         InputError: The file cannot be read.
@@ -123,19 +103,9 @@ def read_pack(path: Path) -> PackFile:
     if plain > _MOST_HEADER:
         raise FileFormatError(path, f"a header of {plain} bytes, at most {_MOST_HEADER} allowed")
     end = _HEAD.size + packed
-    header = _header(path, _unpacked(path, "header", content[_HEAD.size : end], plain))
-    if min(header.blocks, default=-1) < 0 or end + sum(header.blocks) != len(content):
-        raise FileFormatError(path, "its blocks do not add up to its size; copy it again")
-    blocks = []
-    for size in header.blocks:
-        blocks.append(content[end : end + size])
-        end += size
-    return PackFile(path, header, tuple(blocks))
-
-
-def _header(path: Path, plain: bytes) -> PackHeader:
+    text = _unpacked(path, "header", content[_HEAD.size : end], plain)
     try:
-        data = json.loads(plain)
+        data = json.loads(text)
         version = data.get("format") if isinstance(data, dict) else None
         if version != FORMAT:
             raise InputError(f"format {version!r}, expected {FORMAT!r}; update latentmotion")
@@ -146,7 +116,9 @@ def _header(path: Path, plain: bytes) -> PackHeader:
         raise FileFormatError(path, f"its header: {error}") from error
     if header.manifest.format != store.FORMAT:
         raise FileFormatError(path, f"holds {header.manifest.format!r}, not {store.FORMAT!r}")
-    return header
+    if min(header.blocks, default=-1) < 0 or end + sum(header.blocks) != len(content):
+        raise FileFormatError(path, "its blocks do not add up to its size; copy it again")
+    return header, [content[a:b] for a, b in pairwise(accumulate(header.blocks, initial=end))]
 
 
 def _unpacked(path: Path, what: str, packed: bytes, size: int) -> bytes:
@@ -179,13 +151,12 @@ def unpack(path: Path, folder: Path) -> store.DatasetManifest:
         InputError: The folder cannot be written.
     """
     files.check_replaceable(folder, store.MANIFEST)
-    opened = read_pack(path)
-    coder = _checked(opened)
-    manifest = opened.header.manifest
+    header, blocks = read_pack(path)
+    coder, manifest = _checked(path, header), header.manifest
     motions = []
     for number, clips in enumerate(clips_by_shard(manifest)):
         frames = [clip.frames for clip in clips]
-        block = opened.motions(number, coder.size(frames))
+        block = _unpacked(path, f"block {number}", blocks[number], coder.size(frames))
         for clip, features in zip(clips, coder.decode(block, frames), strict=True):
             if not np.isfinite(features).all():
                 raise FileFormatError(path, f"clip {clip.id} is not finite; pack it again")
@@ -193,8 +164,8 @@ def unpack(path: Path, folder: Path) -> store.DatasetManifest:
     written = store.write_dataset(
         folder, motions, manifest.sources, coder.representation, manifest.normalizer
     )
-    if opened.header.report:
-        write_json(folder / REPORT, opened.header.report)
+    if header.report:
+        write_json(folder / REPORT, header.report)
     return written
 
 
@@ -244,9 +215,9 @@ def clips_by_shard(manifest: store.DatasetManifest) -> Iterator[list[store.Store
         yield [clip for clip in manifest.clips if clip.shard == shard]
 
 
-def _checked(opened: PackFile) -> MotionCoder:
+def _checked(path: Path, header: PackHeader) -> MotionCoder:
     """Returns the coder of a pack, whose header must not contradict itself."""
-    header, manifest = opened.header, opened.header.manifest
+    manifest = header.manifest
     mean, std = (np.array(v) for v in (manifest.normalizer.mean, manifest.normalizer.std))
     try:
         representation = packable(manifest.representation)
@@ -254,7 +225,7 @@ def _checked(opened: PackFile) -> MotionCoder:
             raise InputError(f"a normalizer that is not of {representation.width} numbers")
         Normalizer(mean, std)
     except (DataError, InputError) as error:
-        raise FileFormatError(opened.path, f"{error}; update latentmotion or pack again") from error
+        raise FileFormatError(path, f"{error}; update latentmotion or pack again") from error
     quanta = header.quantum, header.turn_quantum
     consistent = [
         all(QUANTA[0] <= value <= QUANTA[1] for value in quanta),
@@ -265,5 +236,5 @@ def _checked(opened: PackFile) -> MotionCoder:
         all(clips_by_shard(manifest)),
     ]
     if not all(consistent):
-        raise FileFormatError(opened.path, "its header contradicts itself; pack it again")
+        raise FileFormatError(path, "its header contradicts itself; pack it again")
     return MotionCoder(representation, *quanta)

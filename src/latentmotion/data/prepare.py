@@ -137,7 +137,10 @@ class Preparation:
             for item in self.dropped:
                 if item.what == "clip":
                     reasons.setdefault(item.reason, []).append(item.id)
-            listed = [f"{_named(ids)}: {reason}" for reason, ids in reasons.items()]
+            listed = []
+            for reason, ids in reasons.items():
+                others = f" and {len(ids) - 3} more" if len(ids) > 3 else ""
+                listed.append(f"{', '.join(ids[:3])}{others}: {reason}")
             more = [f"{len(listed) - _LISTED} more reasons"] if len(listed) > _LISTED else []
             summary = "; ".join([*listed[:_LISTED], *more])
             raise DataError(f"no clip can be used ({summary or 'no clip found'})")
@@ -167,11 +170,6 @@ class Preparation:
 
         settings = sources, self.representation, normalizer
         return report_of(store.write_dataset(folder, self.motions, *settings, describe))
-
-
-def _named(ids: Sequence[str]) -> str:
-    """Returns the first names of some clips and the number of the others."""
-    return ", ".join(ids[:3]) + (f" and {len(ids) - 3} more" if len(ids) > 3 else "")
 
 
 def merge(folders: Sequence[str | Path], out: str | Path) -> PreparationReport:

@@ -48,13 +48,25 @@ def open_session(path: Path, runtime: Runtime = "auto", threads: int | None = No
     """
     engine, limit = _ENGINES[_checked(path, runtime)], thread_limit(threads)
     try:
-        return engine(path, limit)
+        infer = engine(path, limit)
     except ModelError:
         raise
     except Exception as error:  # each engine has error classes of its own
         raise ModelError(
             f"{path} cannot be loaded, it is damaged or no ONNX graph; copy the folder again"
         ) from error
+
+    def run(**inputs: np.ndarray) -> np.ndarray:
+        try:
+            return infer(inputs)
+        except Exception as error:  # the same
+            shapes = ", ".join(f"{name} {np.shape(array)}" for name, array in inputs.items())
+            raise ModelError(
+                f"{path} cannot take {shapes}, which the model's card says ({error!s:.200}): the "
+                "graph is of another model; copy or export the folder again"
+            ) from error
+
+    return run
 
 
 class PickledByFields:
@@ -205,19 +217,16 @@ def _checked(path: Path, runtime: Runtime) -> str:
     return runtime
 
 
-def _on_onnxruntime(path: Path, threads: int) -> Session:
+# A graph on an engine: its inputs by name to its first output.
+Inference = Callable[[Mapping[str, np.ndarray]], np.ndarray]
+
+
+def _on_onnxruntime(path: Path, threads: int) -> Inference:
     session = onnxruntime_session(path, threads)
-
-    def run(**inputs: np.ndarray) -> np.ndarray:
-        try:
-            return np.asarray(session.run(None, inputs)[0])
-        except Exception as error:  # ONNX Runtime has error classes of its own
-            raise _unfit(path, inputs, error) from error
-
-    return run
+    return lambda inputs: np.asarray(session.run(None, inputs)[0])
 
 
-def _on_openvino(path: Path, threads: int) -> Session:
+def _on_openvino(path: Path, threads: int) -> Inference:
     # When imported, OpenVINO (seen in 2026.4) reports to Google, unless this package is absent.
     sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]
     import openvino
@@ -232,15 +241,8 @@ def _on_openvino(path: Path, threads: int) -> Session:
     check_graph(path)
     with _without_links(path) as graph:
         model = openvino.Core().compile_model(graph, "CPU", settings)
-
-    def run(**inputs: np.ndarray) -> np.ndarray:
-        # A request of its own for each call keeps sessions safe to share between threads.
-        try:
-            return np.array(model.create_infer_request().infer(inputs)[0])
-        except Exception as error:  # OpenVINO has error classes of its own
-            raise _unfit(path, inputs, error) from error
-
-    return run
+    # A request of its own for each call keeps sessions safe to share between threads.
+    return lambda inputs: np.array(model.create_infer_request().infer(inputs)[0])
 
 
 @contextmanager
@@ -259,15 +261,7 @@ def _without_links(path: Path) -> Iterator[Path]:
         yield Path(folder) / path.name
 
 
-def _unfit(path: Path, inputs: Mapping[str, np.ndarray], error: Exception) -> ModelError:
-    shapes = ", ".join(f"{name} {np.shape(array)}" for name, array in inputs.items())
-    return ModelError(
-        f"{path} cannot take {shapes}, which the model's card says ({error!s:.200}): the graph is "
-        "of another model; copy or export the folder again"
-    )
-
-
-_ENGINES: dict[str, Callable[[Path, int], Session]] = {
+_ENGINES: dict[str, Callable[[Path, int], Inference]] = {
     "onnxruntime": _on_onnxruntime,
     "openvino": _on_openvino,
 }

@@ -23,8 +23,7 @@ import json
 import logging
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -266,35 +265,29 @@ def trace(
     """
     free = free or {name: range(min(value.ndim, 2)) for name, value in inputs.items()}
     axes = {name: dict.fromkeys(free[name], Dim.DYNAMIC) for name in inputs}
-    with warnings.catch_warnings(), _quiet():
-        # The exporter warns of its own internals; tests compare the graph with the network.
-        warnings.simplefilter("ignore")
-        program = torch.onnx.export(
-            network.eval(),
-            kwargs=dict(inputs),
-            input_names=list(inputs),
-            output_names=list(outputs) or None,
-            dynamic_shapes=axes,
-            dynamo=True,
-            verbose=False,
-        )
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+    structured = logging.getLogger("torch.__trace")  # PyTorch's trace, which takes most time
+    handlers, structured.handlers = structured.handlers, []
+    try:
+        with warnings.catch_warnings():
+            # The exporter warns of its own internals; tests compare the graph with the network.
+            warnings.simplefilter("ignore")
+            program = torch.onnx.export(
+                network.eval(),
+                kwargs=dict(inputs),
+                input_names=list(inputs),
+                output_names=list(outputs) or None,
+                dynamic_shapes=axes,
+                dynamo=True,
+                verbose=False,
+            )
+    finally:
+        structured.handlers = handlers
     assert program is not None  # as dynamo is asked for
     graph = anonymous(program.model_proto)
     onnx.helper.set_model_props(graph, dict(card or {}))
     with atomic_file(path) as temporary:
         onnx.save(graph, temporary)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Switches the exporter's log off, and PyTorch's structured trace, which takes most time."""
-    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
-    structured = logging.getLogger("torch.__trace")
-    handlers, structured.handlers = structured.handlers, []
-    try:
-        yield
-    finally:
-        structured.handlers = handlers
 
 
 def anonymous(model: ModelProto) -> ModelProto:

@@ -250,9 +250,9 @@ LEARNED_LENGTH = 500  # Longest sequence of a learned table, the authors' limit.
 class LearnedPosition(nn.Module):
     """A table learned in training."""
 
-    def __init__(self, width: int, length: int = LEARNED_LENGTH) -> None:
+    def __init__(self, width: int) -> None:
         super().__init__()
-        self.table = nn.Parameter(torch.rand(length, width))
+        self.table = nn.Parameter(torch.rand(LEARNED_LENGTH, width))
 
     def forward(
         self, x: Float[Tensor, "batch tokens width"], start: int | torch.SymInt = 0

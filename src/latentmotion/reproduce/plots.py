@@ -265,14 +265,14 @@ def chosen(
     return [states[index] for index in indices]
 
 
-def map_of(latents: Float[np.ndarray, "items numbers"], seed: int = 0) -> np.ndarray:
+def map_of(latents: Float[np.ndarray, "items numbers"]) -> np.ndarray:
     """Returns the t-SNE map (van der Maaten & Hinton 2008), (items, 2)."""
     try:
         from sklearn.manifold import TSNE
     except ModuleNotFoundError as error:
         raise MissingExtraError("t-SNE", "scikit-learn", "train") from error
     perplexity = min(30.0, (len(latents) - 1) / 3)
-    tsne = TSNE(perplexity=perplexity, init="pca", random_state=seed)
+    tsne = TSNE(perplexity=perplexity, init="pca", random_state=0)
     return tsne.fit_transform(latents.astype(np.float32))
 
 

@@ -129,10 +129,31 @@ class TableRunner:
 
     def row(self, row: Row) -> RowResult:
         """Trains the missing stages and measures a row, unless its figures are there."""
-        folder = self.trained(row)
-        protocol = self._protocol(row)
+        folder, slow = self.trained(row), (row.steps or 0) >= SLOW
+        replications = self.protocol.replications
+        # MultiModality is measured only where it is printed.
+        printed = "MultiModality" in self.table.metrics and not slow
+        repeats = self.protocol.repeats
+        protocol = replace(
+            self.protocol,
+            replications=min(replications, self.work.budget.slow) if slow else replications,
+            repeats=replace(repeats, texts=repeats.texts if printed else 0),
+            nearest_clip=False,
+            split=self.splits[-1],
+        )
         path = self.work.folder / self.table.name / f"{row.name}.json"
-        key = self._key(row, folder, protocol)
+        # Everything that determines the figures of the row.
+        inputs: dict[str, Any] = {
+            "row": to_json(replace(row, title="", paper={})),
+            "weights": sha256(folder / WEIGHTS_FILE) if folder else "",
+            "data": self.work.dataset.fingerprint,
+            "evaluator": self.evaluator.fingerprint if self.evaluator else "",
+            "protocol": to_json(protocol),
+            "metrics": list(self.table.metrics),
+            "splits": list(self.splits),
+        }
+        text = json.dumps(inputs, sort_keys=True, default=str)
+        key = hashlib.sha256(text.encode()).hexdigest()
         if path.is_file():
             earlier = read_json(RowResult, path)
             if (earlier.key, earlier.made) == (key, self.made):
@@ -204,30 +225,6 @@ class TableRunner:
     def _encoder(self, row: Row) -> TextEncoder | None:
         model = self.work.models[row.model]
         return None if model.shipped else self.work.encoder_of(model)
-
-    def _protocol(self, row: Row) -> Protocol:
-        """Slow rows have fewer replications; MultiModality is measured only where it is printed."""
-        protocol, slow = self.protocol, (row.steps or 0) >= SLOW
-        if slow:
-            most = self.work.budget.slow
-            protocol = replace(protocol, replications=min(protocol.replications, most))
-        printed = "MultiModality" in self.table.metrics and not slow
-        repeats = replace(protocol.repeats, texts=protocol.repeats.texts if printed else 0)
-        return replace(protocol, repeats=repeats, nearest_clip=False, split=self.splits[-1])
-
-    def _key(self, row: Row, folder: Path | None, protocol: Protocol) -> str:
-        """Hash of everything that determines the figures of a row."""
-        inputs: dict[str, Any] = {
-            "row": to_json(replace(row, title="", paper={})),
-            "weights": sha256(folder / WEIGHTS_FILE) if folder else "",
-            "data": self.work.dataset.fingerprint,
-            "evaluator": self.evaluator.fingerprint if self.evaluator else "",
-            "protocol": to_json(protocol),
-            "metrics": list(self.table.metrics),
-            "splits": list(self.splits),
-        }
-        text = json.dumps(inputs, sort_keys=True, default=str)
-        return hashlib.sha256(text.encode()).hexdigest()
 
     def _measured(self, row: Row, folder: Path | None, protocol: Protocol, key: str) -> RowResult:
         candidate = self._candidate(row, folder)

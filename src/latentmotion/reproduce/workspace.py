@@ -108,15 +108,23 @@ class Workspace:
         if model.shipped:
             return find_model(model.shipped)
         vae = None if model.raw else self.first_stage(model.first or name)
-        encoder = self.encoder_of(model)
+        encoder, width = self.encoder_of(model), self.dataset.representation.width
         experiment = model.second_stage(
             self._first_stage(model.first or name),
             self.budget,
-            self.dataset.representation.width,
+            width,
             encoder.width if encoder else None,
         )
-        if model.equal:
-            training = replace(experiment.denoiser_training, steps=self._equal_steps(experiment))
+        if model.equal:  # as much training as both stages of MLD-1 of z₀
+            reference = self.models[EQUALS]
+            reader = self.encoder_of(reference)
+            assert reader is not None
+            trained = self.first_stage(reference.first).parent
+            planned = reference.second_stage(
+                self._first_stage(reference.first), self.budget, width, reader.width
+            )
+            steps = equal_steps(model.equal, trained, planned, experiment)
+            training = replace(experiment.denoiser_training, steps=steps)
             experiment = replace(experiment, denoiser_training=training)
         conditioning = task_conditioning(experiment, self.dataset, encoder)
         experiment = with_condition_width(experiment, conditioning)
@@ -151,18 +159,6 @@ class Workspace:
         model = self.models[name]
         vae = None if model.raw else (self.vaes or self.folder) / (model.first or name) / "vae"
         return vae, self.folder / name / "denoiser"
-
-    def _equal_steps(self, experiment: Experiment) -> int:
-        """Returns the steps in which it has as much training as both stages of MLD-1 of z₀."""
-        model, reference = self.models[experiment.name], self.models[EQUALS]
-        encoder = self.encoder_of(reference)
-        assert model.equal and encoder is not None
-        vae = self.first_stage(reference.first).parent
-        width = self.dataset.representation.width
-        planned = reference.second_stage(
-            self._first_stage(reference.first), self.budget, width, encoder.width
-        )
-        return equal_steps(model.equal, vae, planned, experiment)
 
     def _first_stage(self, name: str) -> Experiment:
         model = self.models[name]

@@ -143,11 +143,6 @@ def _bytes(cls: type) -> Callable[..., Any]:
     return make
 
 
-def _encode(text: str, encoding: str) -> bytes:
-    """Makes the bytes that Python 2 and protocol 2 keep as text."""
-    return text.encode("latin1" if encoding in ("latin1", "latin-1") else "ascii")
-
-
 def _reconstructor(cls: type, base: type, state: Any) -> Any:
     """Makes an object as protocol 0 does; of the stand-in alone."""
     if cls is not _SparseColumns or base is not object or state is not None:
@@ -165,7 +160,10 @@ PYTHON_2 = {"__builtin__": "builtins", "copy_reg": "copyreg"}
 ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): StandInArray,
     ("numpy", "dtype"): StandInType,
-    ("_codecs", "encode"): _encode,
+    # Bytes that Python 2 and protocol 2 keep as text.
+    ("_codecs", "encode"): lambda text, encoding: text.encode(
+        "latin1" if encoding in ("latin1", "latin-1") else "ascii"
+    ),
     ("collections", "OrderedDict"): OrderedDict,
     ("builtins", "bytes"): _bytes(bytes),
     ("builtins", "set"): set,

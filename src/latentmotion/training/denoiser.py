@@ -252,17 +252,16 @@ class DenoiserStage(Stage[DenoiserNetwork]):
         for at in READ_AT:
             saved = 1 - mean_loss(held_out, 0.0, at) / mean_loss(held_out, 1.0, at)
             losses[f"prompt_saves_{100 * at:.0f}"] = saved
-        return {**losses, "latent_size": self._latent_size(network, held_out[:SAMPLED])}
-
-    def _latent_size(self, network: DenoiserNetwork, crops: Sequence[Crop]) -> float:
-        true, device = self._data.latents.batch(crops, crops), self._context.device
+        crops = held_out[:SAMPLED]
+        true = self._data.latents.batch(crops, crops)
         noise = SeededNoise(range(len(crops)), true.mask.sum(dim=1).tolist())
         z = torch.from_numpy(noise(tuple(true.mean.shape))).to(device)
         condition = self._data.prompts([crop.caption for crop in crops])
         model, sampler, steps = self._sampling(network)
         sampled = sample(model, sampler, z, condition, true.mask, steps, noise)[true.mask]
         squared = true.mean.square() + (self._spread * true.std).square()
-        return float((sampled.square().mean() / squared[true.mask].mean()).sqrt())
+        latent_size = float((sampled.square().mean() / squared[true.mask].mean()).sqrt())
+        return {**losses, "latent_size": latent_size}
 
     def _sampling(self, network: DenoiserNetwork) -> tuple[Estimator, Sampler, int]:
         objective, sampling = self._experiment.denoiser_objective, self._experiment.sampling

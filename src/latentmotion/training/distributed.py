@@ -97,18 +97,18 @@ class DistributedContext:
             torch.distributed.all_reduce(values)
         return dict(zip(figures, (values / self.ranks.world).tolist(), strict=True))
 
-    def check_same(self, number: int, what: str) -> None:
-        """Raises InputError where ranks disagree about `number`."""
+    def check_same_step(self, step: int) -> None:
+        """Raises InputError where ranks disagree about the step of the snapshot."""
         if self.ranks.world == 1:
             return
-        everyone = [torch.zeros((), dtype=torch.long, device=self.device)] * self.ranks.world
-        everyone = [item.clone() for item in everyone]
-        torch.distributed.all_gather(everyone, torch.tensor(number, device=self.device))
-        numbers = [int(item) for item in everyone]
-        if len(set(numbers)) > 1:
+        here = torch.tensor(step, device=self.device)
+        everyone = [torch.zeros_like(here) for _ in range(self.ranks.world)]
+        torch.distributed.all_gather(everyone, here)
+        steps = [int(item) for item in everyone]
+        if len(set(steps)) > 1:
             raise InputError(
-                f"ranks disagree about the {what}: {numbers}; expected one run folder that all "
-                "hosts share"
+                f"ranks disagree about the snapshot's step: {steps}; expected one run folder that "
+                "all hosts share"
             )
 
     def wait(self) -> None:

@@ -114,7 +114,14 @@ class EvaluatorStage(Stage[Networks]):
         if not train:
             raise DataError(f"{dataset.folder} has no captioned clip in its train split")
         held_out = captioned(dataset.clips("val"))
-        self._held_out = [crop for clip in held_out for crop in _crops(clip, experiment.longest)]
+        # One crop for each caption, of the lengths that take turns in training.
+        self._held_out: list[Crop] = []
+        for clip in held_out:
+            for turn, c in enumerate(clip.captions):
+                longest = experiment.longest[turn % len(experiment.longest)]
+                frames = min(c.end_frame - c.start_frame, longest) // FRAMES * FRAMES
+                if frames > 0:
+                    self._held_out.append(Crop(clip, c.start_frame, frames, c.text))
         self._captions = {c.text: c for clip in train + held_out for c in clip.captions}
         self._spans_of = {clip.id: spans_of(clip) for clip in train + held_out}
         self._memory = FeatureCache(dataset, [*train, *held_out], dataset.normalizer)
@@ -136,7 +143,7 @@ class EvaluatorStage(Stage[Networks]):
         StepRandomness(self._experiment.training.seed, step, len(crops), ranks)
         shard = crops[ranks.shard(len(crops))]
         squared = self._distances(self.network, [crop.caption for crop in shard], shard)
-        return {"total": self._experiment.objective(squared, self._matches(shard, shard))}
+        return {"total": self._experiment.objective(squared, self._matches(shard))}
 
     @torch.no_grad()
     def validate(self, network: Networks) -> dict[str, float]:
@@ -147,7 +154,7 @@ class EvaluatorStage(Stage[Networks]):
         for n in range(max(len(crops) // GROUP, min(len(crops), 1))):
             group = [crops[i] for i in order[n * GROUP : (n + 1) * GROUP]]
             squared = self._distances(network, [crop.caption for crop in group], group)
-            matches = self._matches(group, group)
+            matches = self._matches(group)
             loss = float(self._experiment.objective(squared, matches))
             figures.append([loss, *top_hits(squared, matches)])
         names = ("loss", "top_1", "top_2", "top_3")
@@ -187,12 +194,10 @@ class EvaluatorStage(Stage[Networks]):
         real = read.mask[..., None]
         return (read.words * real).sum(axis=1) / real.sum(axis=1)
 
-    def _matches(
-        self, sentences: Sequence[Crop], motions: Sequence[Crop]
-    ) -> Bool[torch.Tensor, "sentences motions"]:
+    def _matches(self, crops: Sequence[Crop]) -> Bool[torch.Tensor, "sentences motions"]:
         rows = [
-            [_describes(self._spans_of[m.clip.id].get(s.caption, ()), m) for m in motions]
-            for s in sentences
+            [_describes(self._spans_of[m.clip.id].get(s.caption, ()), m) for m in crops]
+            for s in crops
         ]
         return torch.tensor(rows, device=self._context.device)
 
@@ -221,16 +226,6 @@ def _describes(spans: Sequence[tuple[int, int]], crop: Crop) -> bool:
     shared = ((min(last, end) - max(first, crop.start), last - first) for first, last in spans)
     # A crop of a long span is as long as crops can be.
     return any(2 * both > max(crop.frames, min(span, LONGEST)) for both, span in shared)
-
-
-def _crops(clip: Clip, longest: Sequence[int]) -> list[Crop]:
-    """One crop per caption of a clip, of the lengths that take turns in training."""
-    crops = []
-    for turn, c in enumerate(clip.captions):
-        frames = min(c.end_frame - c.start_frame, longest[turn % len(longest)])
-        if frames >= FRAMES:
-            crops.append(Crop(clip, c.start_frame, frames // FRAMES * FRAMES, c.text))
-    return crops
 
 
 @dataclass(frozen=True)

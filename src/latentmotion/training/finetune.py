@@ -199,7 +199,7 @@ def _rehearsed(settings: FineTuning, model: Path) -> list[Recording]:
     pipeline = torch_pipeline(model)
     instructions = drawn_instructions(settings.rehearsal, settings.training.seed + 1)
     blocks = [instructions[i : i + AT_ONCE] for i in range(0, len(instructions), AT_ONCE)]
-    obeying = []
+    recordings: list[Recording] = []
     for number, block in enumerate(counted(blocks, "rehearsing")):
         seeds = range(number * AT_ONCE, number * AT_ONCE + len(block))
         prompts = [instruction.prompt for instruction in block]
@@ -209,24 +209,20 @@ def _rehearsed(settings: FineTuning, model: Path) -> list[Recording]:
             motions = pipeline.batch(
                 prompts, seeds=seeds, steps=SOLVER_STEPS, sampler="dpm++", from_clips=False
             )
-        obeying += [
-            (instruction, motion.joints)
-            for instruction, motion in zip(block, motions, strict=True)
-            if fulfills(describe(motion.joints), instruction.check)
-        ]
-    recordings = []
-    for number, (instruction, joints) in enumerate(obeying):
-        sentences = (TaggedSentence(instruction.prompt),)
-        label = Label(
-            id=f"{REHEARSAL}-{number:04d}",
-            source=REHEARSAL,
-            origin=instruction.prompt,
-            # One in twenty, in order, so that the same prompts validate every run.
-            split="val" if number % 20 == 19 else "train",
-            sentences=sentences,
-            mirrored_sentences=tuple(map(mirror_sentence, sentences)),
-        )
-        recordings.append(Recording(label, joints))
+        for instruction, motion in zip(block, motions, strict=True):
+            if not fulfills(describe(motion.joints), instruction.check):
+                continue
+            sentences = (TaggedSentence(instruction.prompt),)
+            label = Label(
+                id=f"{REHEARSAL}-{len(recordings):04d}",
+                source=REHEARSAL,
+                origin=instruction.prompt,
+                # One in twenty, in order, so that the same prompts validate every run.
+                split="val" if len(recordings) % 20 == 19 else "train",
+                sentences=sentences,
+                mirrored_sentences=tuple(map(mirror_sentence, sentences)),
+            )
+            recordings.append(Recording(label, motion.joints))
     return recordings
 
 

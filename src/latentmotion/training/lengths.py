@@ -336,7 +336,19 @@ def judged_lengths(model: MotionPipeline, trials: LengthTrials, journal: Path) -
         DataError: The journal is damaged.
         InputError: The journal is of other trials or of another model.
     """
-    rows = _read(journal, {"model": model.card.name, **asdict(trials)})
+    about = {"model": model.card.name, **asdict(trials)}
+    rows: list[Any] = [about]
+    if journal.is_file():
+        # A killed run may leave a half-written last line.
+        complete = journal.read_text(encoding="utf-8").rpartition("\n")[0]
+        try:
+            rows = [json.loads(line) for line in complete.splitlines()]
+        except json.JSONDecodeError as error:
+            raise DataError(f"{journal} is damaged ({error}); delete it") from error
+        if not rows or rows[0] != about:
+            raise InputError(f"{journal} is of other trials than {about}; delete it")
+    write_file(journal, "".join(json.dumps(row) + "\n" for row in rows))
+    rows = rows[1:]
     instructions = drawn_instructions(trials.prompts, trials.seed)
     with journal.open("a", encoding="utf-8") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # unknown words show in the result
@@ -356,22 +368,6 @@ def judged_lengths(model: MotionPipeline, trials: LengthTrials, journal: Path) -
     trial = [(prompt, *each) for prompt, every in rows for each in every]
     prompts, seconds, obeyed = zip(*trial, strict=True)
     return LengthVerdicts(prompts, np.array(seconds, np.float32), np.array(obeyed, bool))
-
-
-def _read(journal: Path, about: dict[str, Any]) -> list[Any]:
-    """Returns the rows of a journal, which is begun if there is none."""
-    rows = [about]
-    if journal.is_file():
-        # A killed run may leave a half-written last line.
-        whole = journal.read_text(encoding="utf-8").rpartition("\n")[0]
-        try:
-            rows = [json.loads(line) for line in whole.splitlines()]
-        except json.JSONDecodeError as error:
-            raise DataError(f"{journal} is damaged ({error}); delete it") from error
-        if not rows or rows[0] != about:
-            raise InputError(f"{journal} is of other trials than {about}; delete it")
-    write_file(journal, "".join(json.dumps(row) + "\n" for row in rows))
-    return rows[1:]
 
 
 # Frames of HumanML3D's items: left out below the first, from the second on; cut to the third.

@@ -209,7 +209,7 @@ def train(
         fused=True,  # a quarter of the time of a loop over the tensors on a CPU
     )
     done, seconds, processor = load_snapshot(folder, stage.network, average, optimizer)
-    context.check_same(done, "snapshot's step")
+    context.check_same_step(done)
     replicated = context.ranks.world > 1 and not sharded
     losses_of = DistributedDataParallel(stage) if replicated else stage
     start, processor_start = time.perf_counter() - seconds, time.process_time() - processor

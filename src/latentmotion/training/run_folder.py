@@ -212,7 +212,17 @@ class Journal:
 
     def __init__(self, folder: Path, steps: int, done: int = 0) -> None:
         self._steps = steps
-        self._loggers = _opened_loggers(folder, done)
+        self._loggers: dict[str, Any] = {}  # Those that the environment names.
+        names = plugin_names("latentmotion.loggers") if os.environ.get(LOGGERS) else ()
+        for name in filter(None, os.environ.get(LOGGERS, "").split(",")):
+            if name not in names:
+                advice = hint(name, names) if names else "no plugin adds one"
+                raise InputError(f"{LOGGERS}: no logger {name!r}; {advice}")
+            try:
+                if (open_logger := plugin("latentmotion.loggers", name)) is not None:
+                    self._loggers[name] = open_logger(folder, done)
+            except Exception as error:  # of a package that is not ours
+                warn_of("latentmotion.loggers", name, error)
         lines = [line for line in read_journal(folder) if line["step"] <= done]
         write_file(folder / JOURNAL_FILE, "".join(json.dumps(line) + "\n" for line in lines))
         try:
@@ -270,22 +280,6 @@ def read_journal(folder: str | Path) -> list[dict[str, Any]]:
     path = Path(folder) / JOURNAL_FILE
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
     return [json.loads(line) for line in lines if line.startswith("{") and line.endswith("}")]
-
-
-def _opened_loggers(folder: Path, done: int) -> dict[str, Any]:
-    """Returns the loggers that the environment names, opened; broken ones are warned of."""
-    opened = {}
-    names = plugin_names("latentmotion.loggers") if os.environ.get(LOGGERS) else ()
-    for name in filter(None, os.environ.get(LOGGERS, "").split(",")):
-        if name not in names:
-            advice = hint(name, names) if names else "no plugin adds one"
-            raise InputError(f"{LOGGERS}: no logger {name!r}; {advice}")
-        try:
-            if (open_logger := plugin("latentmotion.loggers", name)) is not None:
-                opened[name] = open_logger(folder, done)
-        except Exception as error:  # of a package that is not ours
-            warn_of("latentmotion.loggers", name, error)
-    return opened
 
 
 def write_tensors(

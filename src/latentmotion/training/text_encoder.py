@@ -661,8 +661,11 @@ def vary(caption: TaggedCaption, words: Sequence[str], generator: random.Random)
     if form == "clause":
         clauses = [clause for clause in _CLAUSES.split(text) if clause]
         text = generator.choice(clauses) if clauses else text
-    elif form == "imperative":
-        text = _imperative(caption, generator)
+    elif form == "imperative":  # lemmas from the first verb on, "walk forward then turn"
+        verbs = [index for index, (_, tag) in enumerate(caption.tags) if tag == "VERB"]
+        if verbs:
+            lemmas = [lemma for lemma, _ in caption.tags[verbs[0] :]]
+            text = " ".join(lemmas[: generator.randint(1, len(lemmas))])
     if generator.random() < 0.6:
         text = _SUBJECT.sub(generator.choice(_WORDS["subjects"]), text)
     if generator.random() < 0.6:
@@ -708,12 +711,3 @@ def plain_phrases(
     ]
     phrases += [f"{generator.choice(verbs)} {generator.choice(nouns)}" for _ in nouns]
     return phrases + nouns + list(words)
-
-
-def _imperative(caption: TaggedCaption, generator: random.Random) -> str:
-    """Lemmas from the first verb on, "walk forward then turn", cut at a random length."""
-    verbs = [index for index, (_, tag) in enumerate(caption.tags) if tag == "VERB"]
-    if not verbs:
-        return caption.text
-    lemmas = [lemma for lemma, _ in caption.tags[verbs[0] :]]
-    return " ".join(lemmas[: generator.randint(1, len(lemmas))])

@@ -120,8 +120,11 @@ class OwnMotions:
         if any(path.suffix.lower() == ".fbx" for path in paths.values()):
             fbx.check_ready()
         listed: dict[str, _Annotations] = {}
-        if self.captions and self.captions.is_dir():
-            listed = _read_splits(self.captions)
+        if self.captions and self.captions.is_dir():  # lists in it are the splits
+            for split in SPLITS:
+                if (path := self.captions / f"{split}.txt").is_file():
+                    names = map(str.strip, read_text(path).splitlines())
+                    listed |= {name: _Annotations(split=split) for name in names}
         elif self.captions:
             babel = self.captions.suffix.lower() == ".json"
             listed = _read_babel(self.captions, paths) if babel else _read_csv(self.captions)
@@ -151,7 +154,7 @@ class OwnMotions:
                 if self.captions and self.captions.is_dir():  # which lists splits, no sentences
                     entry = replace(self._annotations_beside(path), split=entry.split)
                 body = whole_body(path)
-                takes = self._with_hands(path, body) if self.hands else self._takes(path)
+                takes = self._takes(path, body)
             except (FileFormatError, DataError, InputError) as error:
                 yield Dropped(name, "clip", str(error))
                 continue
@@ -164,20 +167,23 @@ class OwnMotions:
             draw = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") / 2**32
             rest: Split = "test" if draw < self.val + self.test else "train"
             split: Split = "val" if draw < self.val else rest
-            label = Label(
-                id=name.replace("/", "-"),
-                source=self.source.name,
-                origin=f"{name}{path.suffix}",
-                split=entry.split or split,
-                sentences=tuple(entry.sentences),
-                mirrored_sentences=tuple(map(clip.mirror_sentence, entry.sentences)),
-                action=action,
-                mirrored_action=clip.mirror_words(action) if action else None,
-            )
             for number, joints in enumerate(takes, 1):
-                take_label = label if len(takes) == 1 else replace(label, id=f"{label.id}-{number}")
-                take_label = _until_the_end(take_label, len(joints) / FPS)
-                yield from _without_glitches(Recording(take_label, joints))
+                end = len(joints) / FPS  # of sentences that state none
+                sentences = tuple(
+                    replace(each, end=end) if math.isinf(each.end) else each
+                    for each in entry.sentences
+                )
+                label = Label(
+                    id=name.replace("/", "-") + (f"-{number}" if len(takes) > 1 else ""),
+                    source=self.source.name,
+                    origin=f"{name}{path.suffix}",
+                    split=entry.split or split,
+                    sentences=sentences,
+                    mirrored_sentences=tuple(map(clip.mirror_sentence, sentences)),
+                    action=action,
+                    mirrored_action=clip.mirror_words(action) if action else None,
+                )
+                yield from _without_glitches(Recording(label, joints))
 
     def unknown_skeleton(self) -> Skeleton | None:
         """Returns the skeleton of the first file whose names of joints are unknown.
@@ -217,18 +223,17 @@ class OwnMotions:
             path = self.captions / path.relative_to(self.folder)
         return path.with_suffix(".txt")
 
-    def _with_hands(
+    def _takes(
         self, path: Path, body: WholeBody | None
     ) -> list[Float[np.ndarray, "frames joints 3"]]:
-        if body is None or body.hands is None:
-            problem = "has no poses of fingers, expected AMASS's SMPL-H or SMPL-X, or Motion-X's"
-            raise FileFormatError(path, problem)
-        (motion,) = formats.load(path)
-        fps = self.stated.fps if self.stated and self.stated.fps else motion.fps
-        return [recordings.at_rate(body.joints(motion), FPS, fps)]
-
-    def _takes(self, path: Path) -> list[Float[np.ndarray, "frames joints 3"]]:
-        """Reads HumanML3D's joints of each animation, without a T-pose that was put before it."""
+        """Reads the joints of each animation, without a T-pose that was put before it."""
+        if self.hands:
+            if body is None or body.hands is None:
+                expected = "expected AMASS's SMPL-H or SMPL-X, or Motion-X's"
+                raise FileFormatError(path, f"has no poses of fingers, {expected}")
+            (motion,) = formats.load(path)
+            fps = self.stated.fps if self.stated and self.stated.fps else motion.fps
+            return [recordings.at_rate(body.joints(motion), FPS, fps)]
         takes, count = [], len(HUMANML3D)
         for motion in formats.load(path, self.stated):
             if not self.generated and "model" in motion.metadata:
@@ -242,20 +247,6 @@ class OwnMotions:
                 joints = joints[1:]
             takes.append(recordings.at_rate(joints, FPS, motion.fps))
         return takes
-
-
-def _until_the_end(label: Label, seconds: float) -> Label:
-    """Returns a label whose sentences without an end last until the end of the motion."""
-
-    def ended(sentences: Iterable[TaggedSentence]) -> tuple[TaggedSentence, ...]:
-        return tuple(
-            replace(sentence, end=seconds) if math.isinf(sentence.end) else sentence
-            for sentence in sentences
-        )
-
-    return replace(
-        label, sentences=ended(label.sentences), mirrored_sentences=ended(label.mirrored_sentences)
-    )
 
 
 def _without_glitches(recording: Recording) -> Iterator[Recording | Dropped]:
@@ -335,16 +326,6 @@ def find_motions(folder: Path) -> dict[str, Path]:
 
 def _endings() -> tuple[str, ...]:
     return tuple(ending for ending in formats.readable() if ending not in _NO_MOTION)
-
-
-def _read_splits(folder: Path) -> dict[str, _Annotations]:
-    """Reads the splits that lists in a folder of texts name, a file's path in a line."""
-    by_file: dict[str, _Annotations] = {}
-    for split in SPLITS:
-        if (path := folder / f"{split}.txt").is_file():
-            names = map(str.strip, read_text(path).splitlines())
-            by_file |= {name: _Annotations(split=split) for name in names}
-    return by_file
 
 
 def _read_csv(path: Path) -> dict[str, _Annotations]:

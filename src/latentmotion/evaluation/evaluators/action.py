@@ -288,9 +288,9 @@ class GraphBlock(nn.Module):
 class GraphConvolution(nn.Module):
     """A linear layer per neighborhood, and the sum over it."""
 
-    def __init__(self, inputs: int, outputs: int, neighborhoods: int = 3) -> None:
+    def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
-        self.conv = nn.Conv2d(inputs, outputs * neighborhoods, kernel_size=1)
+        self.conv = nn.Conv2d(inputs, 3 * outputs, kernel_size=1)  # of the three neighborhoods
 
     def forward(
         self, x: Float[Tensor, "batch _ frames joints"], adjacency: Float[Tensor, "3 joints joints"]

@@ -202,9 +202,7 @@ def squared_distances(
 
 
 def top_hits(
-    squared: Float[Tensor, "sentences motions"],
-    matches: Bool[Tensor, "sentences motions"],
-    most: int = 3,
+    squared: Float[Tensor, "sentences motions"], matches: Bool[Tensor, "sentences motions"]
 ) -> list[float]:
     """Returns how often a motion that the sentence describes is among the nearest 1, 2, 3.
 
@@ -212,7 +210,7 @@ def top_hits(
     """
     nearest = torch.where(matches, squared, torch.inf).min(1).values
     before = ((squared < nearest[:, None]) & ~matches).sum(1)
-    return [float((before < k).float().mean()) for k in range(1, most + 1)]
+    return [float((before < k).float().mean()) for k in (1, 2, 3)]
 
 
 @dataclass(frozen=True)

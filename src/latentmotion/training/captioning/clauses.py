@@ -42,14 +42,13 @@ def word_set(name: str) -> frozenset[str]:
     return frozenset(TABLE[name].split())
 
 
-def _pattern(text: str) -> str:
-    """Puts the patterns of the table in the place of their names; braces may also be counts."""
-    return re.sub(r"\{([a-z]+)\}", lambda match: TABLE["patterns"][match[1]], text)
-
-
-# Beginnings of clauses that mean the same.
+# Beginnings of clauses that mean the same; names in braces stand for the table's patterns.
 VERB_GROUPS = tuple(
-    VerbGroup(tuple(row["phrases"]), _pattern(row.get("following", "")), row.get("unless", ""))
+    VerbGroup(
+        tuple(row["phrases"]),
+        re.sub(r"\{([a-z]+)\}", lambda name: TABLE["patterns"][name[1]], row.get("following", "")),
+        row.get("unless", ""),
+    )
     for row in TABLE["group"]
 )
 

@@ -155,7 +155,6 @@ class _SequenceComposer:
         self.representation = dataset.representation
         self.actions, self.wanted = actions, composition
         self.generator = np.random.default_rng(composition.seed)
-        self.rarity = rarity(actions)
         self.pairing = Pairing(actions, self.representation, self.generator, composition.distance)
         self.refused: Counter[str] = Counter()
         self.used: Counter[str] = Counter()
@@ -164,7 +163,7 @@ class _SequenceComposer:
     def draw(self, name: str) -> StoredMotion | None:
         """Returns a sequence, or None where the actions drawn do not fit."""
         composition, representation = self.wanted, self.representation
-        first = self.actions[int(self.generator.choice(len(self.actions), p=self.rarity))]
+        first = self.actions[int(self.generator.choice(len(self.actions), p=self.pairing.rarity))]
         if self.used[first.name] >= composition.uses:
             return None
         # Other actions, not yet joined, not too often used.

@@ -400,15 +400,11 @@ def wording(action: SingleAction) -> Wording:
     Raises:
         KeyError: Its kind is none of `kinds`.
     """
-    if action.kind == "turn":
-        return _turn(action)
     if action.kind in ("walk_then_turn", "turn_then_walk"):
         return _walk_and_turn(action)
-    return _patterns(_TABLES.get(action.kind, action.kind), action)
-
-
-def _turn(action: SingleAction) -> Wording:
-    """Patterns for a turn on the spot, or on the way while walking or running."""
+    if action.kind != "turn":
+        return _patterns(_TABLES.get(action.kind, action.kind), action)
+    # A turn on the spot, or on the way while walking or running.
     gait, turned = action.gait, _patterns("turned", action)
     if gait and action.degrees > 270:
         return wording(replace(action, kind="circle"))
@@ -443,7 +439,24 @@ def _walk_and_turn(action: SingleAction) -> Wording:
 
 def _patterns(table: str, action: SingleAction) -> Wording:
     """Returns the lists of those parts of a table that hold for an action."""
-    words = _properties(action) | _tables()["words"]
+    kind, pace, side, degrees = action.kind, action.pace or "normal", action.side, action.degrees
+    go = action.gait or (kind if kind in GOING else "run" if kind.endswith("running") else "walk")
+    if kind == "jog" and pace != "normal":  # a fast jog is a run, and a slow one a slow run
+        tempo = "run-slow" if pace == "slow" else "run-normal"
+    else:
+        tempo = f"{go}-{pace}"
+    rounds = round(degrees / 360)
+    spins = "several times" if rounds > 2 else "more than once"
+    if rounds > 1 and abs(degrees / 360 - rounds) < 0.2:
+        spins = times(rounds)
+    words = {  # what patterns and conditions may name
+        "kind": kind, "side": side, "direction": action.direction, "count": action.count,
+        "degrees": degrees, "gait": action.gait, "pace": action.pace, "frames": action.frames,
+        "act": action.act[1] - action.act[0], "go": go, "going": GOING[go], "tempo": tempo,
+        "often": times(action.count), "number": number(action.count), "spins": spins,
+        "to": f"[{side}|to the {side}|{side}|to the {side}|to <his> {side}]",
+        "clock": clockwise(side), **_tables()["words"],
+    }  # fmt: skip
     parts = list(filled(_tables()[table], words, _LISTS))
     return Wording(**{name: [text for part in parts for text in part[name]] for name in _LISTS})
 
@@ -468,28 +481,6 @@ def filled(
                 name: [" ".join(pattern.split()) for pattern in text.split(";") if pattern]
                 for name, text in texts.items()
             }
-
-
-def _properties(action: SingleAction) -> dict[str, Any]:
-    """Returns what patterns and conditions may name of an action."""
-    kind, pace, side, degrees = action.kind, action.pace or "normal", action.side, action.degrees
-    go = action.gait or (kind if kind in GOING else "run" if kind.endswith("running") else "walk")
-    if kind == "jog" and pace != "normal":  # a fast jog is a run, and a slow one a slow run
-        tempo = "run-slow" if pace == "slow" else "run-normal"
-    else:
-        tempo = f"{go}-{pace}"
-    rounds = round(degrees / 360)
-    spins = "several times" if rounds > 2 else "more than once"
-    if rounds > 1 and abs(degrees / 360 - rounds) < 0.2:
-        spins = times(rounds)
-    return {
-        "kind": kind, "side": side, "direction": action.direction, "count": action.count,
-        "degrees": degrees, "gait": action.gait, "pace": action.pace, "frames": action.frames,
-        "act": action.act[1] - action.act[0], "go": go, "going": GOING[go], "tempo": tempo,
-        "often": times(action.count), "number": number(action.count), "spins": spins,
-        "to": f"[{side}|to the {side}|{side}|to the {side}|to <his> {side}]",
-        "clock": clockwise(side),
-    }  # fmt: skip
 
 
 def _holds(condition: str, words: Mapping[str, Any]) -> bool:

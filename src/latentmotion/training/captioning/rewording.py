@@ -161,7 +161,12 @@ def reworded(sentence: Sentence, generator: np.random.Generator) -> str:
     subject = ""
     if form in ("goes", "is going"):
         subject = str(generator.choice(SUBJECTS["of_gender"][gender]))
-    clauses = [_varied(c, sentence, owner, generator) for c in _shortened(sentence, generator)]
+    parts = sentence.clauses
+    first, *others = parts
+    bends = first.verb == "bend" and first.rest in (("down",), ("over",)) and others
+    if bends and others[0].verb in _FROM_BELOW and generator.random() < 0.5:
+        parts = (replace(others[0], link=""), *others[1:])  # the next action implies the bend
+    clauses = [_varied(clause, sentence, owner, generator) for clause in parts]
     short = form == "go" and generator.random() < 0.4
     return _joined(clauses, subject, form, short, generator)
 
@@ -223,20 +228,24 @@ def predicate(sentence: Sentence, form: str, owner: str, generator: np.random.Ge
     return _joined(clauses, "", form, False, generator).rstrip(".")
 
 
-def _shortened(sentence: Sentence, generator: np.random.Generator) -> tuple[Clause, ...]:
-    """Returns the clauses, at times without a "bend down" that the next action implies."""
-    first, *others = sentence.clauses
-    bends = first.verb == "bend" and first.rest in (("down",), ("over",)) and others
-    if bends and others[0].verb in _FROM_BELOW and generator.random() < 0.5:
-        return (replace(others[0], link=""), *others[1:])
-    return sentence.clauses
-
-
 def _varied(
     clause: Clause, sentence: Sentence, owner: str, generator: np.random.Generator
 ) -> Clause:
     """Returns the clause with other owners, synonyms and numbers."""
-    own_words = clause.rest if sentence.referring else _owned(clause.rest, owner, sentence)
+    own_words, words = [], clause.rest
+    possessive, person, reflexive = _OWN[owner]
+    for index, word in enumerate(words):
+        last = index + 1 == len(words) or words[index + 1] in ("and", "then", ",", "while", "with")
+        near = index > 0 and words[index - 1] in _NEAR
+        if sentence.referring:  # "his" and the like stay
+            pass
+        elif word in _SELF:
+            word = reflexive
+        elif word in ("his", "their", "your") or (word == "her" and not last):
+            word = possessive
+        elif word in ("him", "her") or (word == "them" and near and sentence.gender == "neutral"):
+            word = person
+        own_words.append(word)
     text = " ".join((clause.verb, *own_words)).replace(" ,", ",")
     for group in VERB_GROUPS:
         rest = text.partition(" ")[2]
@@ -256,23 +265,6 @@ def _varied(
         text = other_number(text)
     verb, *words = text.split()
     return Clause(clause.link, verb, tuple(words), clause.before)
-
-
-def _owned(words: tuple[str, ...], owner: str, sentence: Sentence) -> tuple[str, ...]:
-    """Returns the words with "his", "their" and the like given to another owner."""
-    possessive, person, reflexive = _OWN[owner]
-    result = []
-    for index, word in enumerate(words):
-        last = index + 1 == len(words) or words[index + 1] in ("and", "then", ",", "while", "with")
-        near = index > 0 and words[index - 1] in _NEAR
-        if word in _SELF:
-            word = reflexive
-        elif word in ("his", "their", "your") or (word == "her" and not last):
-            word = possessive
-        elif word in ("him", "her") or (word == "them" and near and sentence.gender == "neutral"):
-            word = person
-        result.append(word)
-    return tuple(result)
 
 
 def _joined(

@@ -87,11 +87,25 @@ def _sentence(acts: Sequence[ReportedAct], generator: np.random.Generator) -> st
     styles = ["third", "third", "third", "ing"] if who else ["third", "base", "base", "ing"]
     style = str(generator.choice(styles))
     form = "participle" if style == "ing" else style
-    parts = []
+    groups: list[str] = []
+    last = acts[0]
     for act in acts:
         phrase, during = _draw(phrases(act), generator), _draw(meanwhile(act), generator)
-        parts.append((_filled(phrase, his, him, form), _filled(during, his, him, "participle")))
-    text = _joined(parts, acts, generator)
+        before = last.gait or last.event
+        overlaps = act.gait is not None and act.kind != "turn" and act.gait.start <= before.start
+        overlaps = overlaps or act.event.end <= last.event.end - 6
+        if groups and overlaps and " while " not in groups[-1]:
+            groups[-1] += f" while {_filled(during, his, him, 'participle')}"
+        else:
+            groups.append(_filled(phrase, his, him, form))
+        last = act
+    text = groups[0]
+    if len(groups) > 1:
+        joiners = (", then ", " and then ", " then ", " and ", ", and then ")
+        if len(groups) > 2:
+            joiners = (", then ", ", and then ", " and ", ", and finally ")
+        comma = ", then " if len(groups) > 2 and generator.random() < 0.4 else ", "
+        text = comma.join(groups[:-1]) + str(generator.choice(joiners)) + groups[-1]
     who = f"{who} is" if who and style == "ing" else who
     text = f"{who} {text}".strip()
     return f"{text}." if generator.random() < 0.6 else text
@@ -107,30 +121,6 @@ def _draw(wordings: list[str], generator: np.random.Generator) -> str:
 def _filled(phrase: str, his: str, him: str, form: str) -> str:
     """Inflects the verbs of a phrase and fills in its pronouns."""
     return inflected(phrase.replace("<his>", his).replace("<him>", him), form)
-
-
-def _joined(
-    parts: list[tuple[str, str]], acts: Sequence[ReportedAct], generator: np.random.Generator
-) -> str:
-    """Joins the acts of a sentence, each in the form of the sentence and as a participle."""
-    groups, last = [parts[0][0]], acts[0]
-    for (plain, gerund), act in zip(parts[1:], acts[1:], strict=True):
-        before = last.gait or last.event
-        during = act.gait is not None and act.kind != "turn" and act.gait.start <= before.start
-        if (during or act.event.end <= last.event.end - 6) and " while " not in groups[-1]:
-            groups[-1] += f" while {gerund}"
-        else:
-            groups.append(plain)
-        last = act
-    if len(groups) == 1:
-        return groups[0]
-    joiners = (", then ", " and then ", " then ", " and ", ", and then ")
-    if len(groups) > 2:
-        joiners = (", then ", ", and then ", " and ", ", and finally ")
-    text = ", ".join(groups[:-1])
-    if len(groups) > 2 and generator.random() < 0.4:
-        text = ", then ".join(groups[:-1])
-    return text + str(generator.choice(joiners)) + groups[-1]
 
 
 # Meters per second above which a run is called fast.
@@ -151,11 +141,31 @@ def phrases(act: ReportedAct) -> list[str]:
 
     A verb in its base form follows `~`; `<his>` and `<him>` stand for pronouns.
     """
-    if act.kind in ("walk", "jog", "run"):
-        return _gait(act)
-    if act.kind in _tables():
-        return _phrases_of(_tables()[act.kind], act)
-    return [f"~do {act.kind.replace('_', ' ')}"]
+    if act.kind not in ("walk", "jog", "run"):
+        table = _tables().get(act.kind)
+        return _phrases_of(table, act) if table else [f"~do {act.kind.replace('_', ' ')}"]
+    event = act.event
+    if act.on:
+        going = present_participle(event.kind)
+        to = "" if event.direction in ("forward", "place") else event.direction
+        texts = [f"keep {going} {to}", f"{event.kind} on {to}", f"continue {going} {to}"]
+        texts += [f"{event.kind} {to or 'forward'}"]
+        return [f"~{' '.join(text.split())}" for text in texts]
+    # Every combination of verb, direction, pace and posture of a gait.
+    sideways = event.direction in (LEFT, RIGHT) and event.kind == "walk"
+    paces = _paces(event)
+    texts = [
+        f"{verb} {direction} {pace} {low}"
+        for verb in (["step", "walk", "move"] if sideways else [event.kind])
+        for direction in SUBJECTS["directions"][event.direction]
+        for pace in paces
+        for low in SUBJECTS["low"].get(act.posture, [""])
+    ]
+    if event.kind == "walk" and event.direction == "forward" and not act.posture:
+        texts += [f"walk {pace}" for pace in paces]
+        texts += [f"walk in a straight line {pace}" for pace in paces]
+    texts += [f"sidestep to the {event.direction}"] if sideways else []
+    return [f"~{' '.join(text.split())}" for text in texts]
 
 
 def meanwhile(act: ReportedAct) -> list[str]:
@@ -188,32 +198,6 @@ def _phrases_of(table: Sequence[Mapping[str, Any]], act: ReportedAct) -> list[st
         texts += part["phrases"]
         texts += [f"{text} {count}".strip() for text in part["counted"] for count in counts]
     return texts
-
-
-def _gait(act: ReportedAct) -> list[str]:
-    """Returns every combination of verb, direction, pace and posture of a gait."""
-    event = act.event
-    if act.on:
-        going = present_participle(event.kind)
-        to = "" if event.direction in ("forward", "place") else event.direction
-        texts = [f"keep {going} {to}", f"{event.kind} on {to}", f"continue {going} {to}"]
-        return [
-            f"~{' '.join(text.split())}" for text in (*texts, f"{event.kind} {to or 'forward'}")
-        ]
-    sideways = event.direction in (LEFT, RIGHT) and event.kind == "walk"
-    paces = _paces(event)
-    texts = [
-        f"{verb} {direction} {pace} {low}"
-        for verb in (["step", "walk", "move"] if sideways else [event.kind])
-        for direction in SUBJECTS["directions"][event.direction]
-        for pace in paces
-        for low in SUBJECTS["low"].get(act.posture, [""])
-    ]
-    if event.kind == "walk" and event.direction == "forward" and not act.posture:
-        texts += [f"walk {pace}" for pace in paces]
-        texts += [f"walk in a straight line {pace}" for pace in paces]
-    texts += [f"sidestep to the {event.direction}"] if sideways else []
-    return [f"~{' '.join(text.split())}" for text in texts]
 
 
 def _paces(gait: Event) -> list[str]:
