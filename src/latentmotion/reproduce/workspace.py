@@ -119,11 +119,11 @@ class Workspace:
             reference = self.models[EQUALS]
             reader = self.encoder_of(reference)
             assert reader is not None
-            trained = self.first_stage(reference.first).parent
+            reference_vae = self.first_stage(reference.first).parent
             planned = reference.second_stage(
                 self._first_stage(reference.first), self.budget, width, reader.width
             )
-            steps = equal_steps(model.equal, trained, planned, experiment)
+            steps = equal_steps(model.equal, reference_vae, planned, experiment)
             training = replace(experiment.denoiser_training, steps=steps)
             experiment = replace(experiment, denoiser_training=training)
         conditioning = task_conditioning(experiment, self.dataset, encoder)
