@@ -72,20 +72,20 @@ class Clean(options.MotionOptions):
         options.check_outputs(self.output)
         before = self.load(self.file)
         motions = clean_batch(before, steps)
-        written = [target for path in self.output for target in self._write(path, motions)]
+        written: list[Path] = []
+        for path in self.output:
+            if self.skeleton == "ours":
+                written += formats.save(path, [motion.with_recorded(None) for motion in motions])
+            elif {path.suffix.lower(), self.file.suffix.lower()} == {".bvh"}:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", ReadingWarning)  # told when it was read
+                    rig = read_rig(self.file, stated=self.stated())
+                written += transfer.write(path, replace(rig, floor=0.0), motions)
+            else:
+                written += formats.save(path, motions)
         options.print_written(written)
         for old, new in zip(before, motions, strict=True):
             print_changes(Changes.of(old, new), in_place=self.in_place)
-
-    def _write(self, path: Path, motions: list[Motion]) -> list[Path]:
-        if self.skeleton == "ours":
-            return formats.save(path, [motion.with_recorded(None) for motion in motions])
-        if {path.suffix.lower(), self.file.suffix.lower()} == {".bvh"}:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ReadingWarning)  # told when it was read
-                rig = read_rig(self.file, stated=self.stated())
-            return transfer.write(path, replace(rig, floor=0.0), motions)
-        return formats.save(path, motions)
 
 
 def print_changes(changes: Changes, in_place: bool = False) -> None:

@@ -44,7 +44,17 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
     Raises:
         InputError: An option is unknown or missing, or its value is.
     """
-    cls = _with_presets_training(command, words)
+    cls: Any = command
+    if hasattr(cls, "training_of"):  # the settings of the typed preset are the defaults
+        preset = cls.preset
+        for word, behind in zip(words, [*words[1:], ""], strict=True):
+            option, equals, value = word.partition("=")
+            if option == "--preset":
+                preset = value if equals else behind or preset
+        settings = cls.training_of(preset)
+        kind = get_type_hints(cls, include_extras=True)["training"]
+        training = ("training", kind, field(default_factory=lambda: settings))
+        cls = make_dataclass(cls.__name__, [training], bases=(cls,), frozen=True)
     # Only where it is seen: another class for each command would cost every start.
     if {"-h", "--help"} & set(words):
         cls = _with_optional_fields(cls)
@@ -72,21 +82,6 @@ def parsed(command: type[Command], name: str, words: Sequence[str]) -> Command:
         raise InputError(" ".join(filter(None, rows)) + advice) from None
     _check_lists(command_values, words)
     return command_values
-
-
-def _with_presets_training(command: Any, words: Sequence[str]) -> Any:
-    """Returns the command with the training settings of the typed preset as defaults."""
-    if not hasattr(command, "training_of"):
-        return command
-    name = command.preset
-    for word, behind in zip(words, [*words[1:], ""], strict=True):
-        option, equals, value = word.partition("=")
-        if option == "--preset":
-            name = value if equals else behind or name
-    settings = command.training_of(name)
-    kind = get_type_hints(command, include_extras=True)["training"]
-    training = ("training", kind, field(default_factory=lambda: settings))
-    return make_dataclass(command.__name__, [training], bases=(command,), frozen=True)
 
 
 def _with_optional_fields(command: Any) -> Any:

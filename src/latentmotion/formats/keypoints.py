@@ -89,11 +89,8 @@ def read_keypoints(
         ReadingWarning: Unit or axes are a guess, or scores were clipped.
     """
     path = Path(path)
-    readers: dict[str, Any] = dict(
-        zip(ENDINGS, (_npz, lambda path: {"points": read_array(path)}, _json, _csv), strict=True)
-    )
     ending = path.suffix.lower()
-    if not path.is_dir() and ending not in readers:
+    if not path.is_dir() and ending not in ENDINGS:
         raise InputError(
             f"the ending {ending or '(none)'!r} of {path} is none of keypoints: known are "
             f"{', '.join(ENDINGS)}, or a folder of .json"
@@ -103,7 +100,15 @@ def read_keypoints(
     if stated.up is not None and stated.up not in AXES:
         raise InputError(f"up is {stated.up!r}: expected {', '.join(AXES)}")
     with blamed_on(path), blamed_on(path, ValueError, TypeError, problem="no keypoints: {error}"):
-        values = _folder(path) if path.is_dir() else readers[ending](path)
+        if path.is_dir():
+            values = _folder(path)
+        elif ending == ".npz":
+            _check_keys(path, names_in(path))
+            values = read_arrays(path, _KEYS)
+        elif ending == ".npy":
+            values = {"points": read_array(path)}
+        else:
+            values = _json(path) if ending == ".json" else _csv(path)
         return _keypoints(path, values, stated)
 
 
@@ -115,8 +120,13 @@ def _keypoints(
     points = np.asarray(values["points"], np.float64)
     if points.ndim != 3 or not points.size:
         raise InputError(f"points of shape {points.shape}: expected (frames, keypoints, 2 or 3)")
-    confidence = values.get("confidence")
-    if confidence is None and (points.shape[2] == 4 or _has_scores(points)):
+    confidence, scored = values.get("confidence"), points.shape[2] == 4
+    if confidence is None and points.shape[2] == 3:
+        # Two pixel coordinates and a score, as OpenPose has them: no room is 50 m wide, and no
+        # score exceeds 2.
+        pixels, last = np.nan_to_num(points[..., :2]), np.nan_to_num(points[..., 2])
+        scored = np.abs(pixels).max() > 50 and last.min() >= 0 and last.max() <= 2
+    if confidence is None and scored:
         points, confidence = points[..., :-1], points[..., -1]
     fps = stated.fps if stated.fps is not None else values.get("fps")
     if fps is None:
@@ -147,15 +157,6 @@ def _keypoints(
         size,
         None if focal is None else float(np.asarray(focal).item()),
     )
-
-
-def _has_scores(points: Float[np.ndarray, "frames keypoints n"]) -> bool:
-    """Returns whether the third column is a score of pixels, as OpenPose's is."""
-    if points.shape[2] != 3:
-        return False
-    pixels, scores = np.nan_to_num(points[..., :2]), np.nan_to_num(points[..., 2])
-    # Two pixel coordinates and a score: no room is 50 m wide, and no score exceeds 2.
-    return bool(np.abs(pixels).max() > 50 and scores.min() >= 0 and scores.max() <= 2)
 
 
 def _upright(
@@ -191,11 +192,6 @@ def _names(stated: Any, points: np.ndarray) -> tuple[str, ...]:
             raise InputError(f"unknown layout {layout!r}: {hint(layout, keypoints.LAYOUTS)}")
         return keypoints.LAYOUTS[layout]
     return tuple(str(name) for name in values.ravel())
-
-
-def _npz(path: Path) -> dict[str, Any]:
-    _check_keys(path, names_in(path))
-    return dict(read_arrays(path, _KEYS))
 
 
 def _folder(path: Path) -> dict[str, Any]:

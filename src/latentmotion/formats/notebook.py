@@ -10,6 +10,7 @@ import base64
 import hashlib
 import html
 import json
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -34,25 +35,18 @@ def bundle(motion: Motion) -> dict[str, str]:
     page = filled_page("Latent Motion", "{{motions}}")
     viewer = "" if _is_shown else f"globalThis.latentmotionViewer = {_in_script(page)};"
     _is_shown = True
-    picture, caption = _strip(motion), html.escape(motion.caption or "a motion")
+    picture, caption = "", html.escape(motion.caption or "a motion")
+    with suppress(MissingExtraError), TemporaryDirectory() as folder:  # no picture without Pillow
+        from latentmotion.render import strip
+
+        path = Path(folder) / "strip.png"
+        strip.write(path, [motion], figures=_FIGURES, width=_WIDTH)
+        picture = base64.b64encode(path.read_bytes()).decode("ascii")
     shown = f'<img src="data:image/png;base64,{picture}" alt="{caption}">' if picture else caption
     name = hashlib.sha256(content.encode()).hexdigest()[:16]
     text = _HTML.format(name=name, picture=shown, viewer=viewer, content=_in_script(content))
     pictures = {"image/png": picture} if picture else {}
     return {"text/plain": repr(motion), "text/html": text, **pictures}
-
-
-def _strip(motion: Motion) -> str:
-    """Returns a strip of the motion, a PNG in base64; nothing without Pillow."""
-    try:
-        from latentmotion.render import strip
-
-        with TemporaryDirectory() as folder:
-            path = Path(folder) / "strip.png"
-            strip.write(path, [motion], figures=_FIGURES, width=_WIDTH)
-            return base64.b64encode(path.read_bytes()).decode("ascii")
-    except MissingExtraError:
-        return ""
 
 
 def _in_script(text: str) -> str:

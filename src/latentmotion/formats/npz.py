@@ -14,7 +14,7 @@ One take is read back by `numpy.load(path)["joints"]`, several by
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +80,21 @@ def read_motions(path: str | Path) -> list[Motion]:
     arrays = array_files.read_arrays(path, _KEYS)
     try:
         with reading.blamed_on(path):
-            return _motions(path, arrays)
+            names = tuple(str(name) for name in arrays["names"])
+            skeleton = next((ours for ours in _KNOWN.values() if ours.names == names), None)
+            if skeleton is None:
+                parents = tuple(int(parent) for parent in arrays["parents"])
+                skeleton = Skeleton(str(arrays["skeleton"]), names, parents, arrays["offsets"])
+            joints, frames = arrays["joints"], arrays["frames"]
+            is_count = frames.dtype.kind in "iu" and (frames > 0).all()
+            if not is_count or frames.sum() != len(joints):
+                raise FileFormatError(path, f"its takes do not add up to the {len(joints)} frames")
+            takes = np.split(joints, np.cumsum(frames)[:-1])
+            facts = zip(takes, arrays["fps"], arrays["caption"], arrays["metadata"], strict=True)
+            return [
+                Motion(take, float(fps), skeleton, str(caption), parse_notes(path, metadata))
+                for take, fps, caption, metadata in facts
+            ]
     except KeyError as error:
         sizes = " or ".join(map(str, _KNOWN))
         lack = f"not a motion file of Latent Motion: it lacks {error}"
@@ -89,24 +103,6 @@ def read_motions(path: str | Path) -> list[Motion]:
         ) from error
     except (ValueError, TypeError) as error:
         raise FileFormatError(path, f"not a motion file of Latent Motion ({error})") from error
-
-
-def _motions(path: str | Path, arrays: Mapping[str, np.ndarray]) -> list[Motion]:
-    names = tuple(str(name) for name in arrays["names"])
-    skeleton = next((candidate for candidate in _KNOWN.values() if candidate.names == names), None)
-    if skeleton is None:
-        parents = tuple(int(parent) for parent in arrays["parents"])
-        skeleton = Skeleton(str(arrays["skeleton"]), names, parents, arrays["offsets"])
-    joints, frames = arrays["joints"], arrays["frames"]
-    if frames.dtype.kind not in "iu" or not (frames > 0).all() or frames.sum() != len(joints):
-        raise FileFormatError(path, f"its takes do not add up to the {len(joints)} frames")
-    takes = np.split(joints, np.cumsum(frames)[:-1])
-    facts = zip(arrays["fps"], arrays["caption"], arrays["metadata"], strict=True)
-    motions = []
-    for take, (fps, caption, metadata) in zip(takes, facts, strict=True):
-        notes = parse_notes(path, metadata)
-        motions.append(Motion(take, float(fps), skeleton, str(caption), notes))
-    return motions
 
 
 def read_joints(path: str | Path) -> list[SkeletonTake] | list[Motion]:

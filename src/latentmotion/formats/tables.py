@@ -27,7 +27,6 @@ from latentmotion.cleanup.loops import is_loop, unrolled
 from latentmotion.errors import FileFormatError
 from latentmotion.formats import checks, numbered
 from latentmotion.formats.takes import OURS
-from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.measure.signals import spans
 from latentmotion.motion import Motion
 from latentmotion.storage import files, reading
@@ -63,7 +62,19 @@ def read(path: str | Path) -> list[Motion]:
     """
     rows = reading.csv_rows(path, checks.read_lines(path))
     header = [name.strip() for name in rows[0]]
-    skeleton = _skeleton(path, header)
+    # The largest first, since the columns of a body with hands hold those of one without.
+    skeletons = sorted(OURS.values(), key=len, reverse=True)
+    fitting = (ours for ours in skeletons if {_TIME, *_columns(ours.names)} <= set(header))
+    skeleton = next(fitting, None)
+    if skeleton is None:
+        missing = [name for name in (_TIME, *_columns(skeletons[-1].names)) if name not in header]
+        shown = ", ".join(missing[:4]) + (" …" if len(missing) > 4 else "")
+        raise FileFormatError(
+            path,
+            f"lacks the columns {shown}; expected time and x, y, z of every joint of "
+            f"{', '.join(ours.name for ours in skeletons)}",
+            1,
+        )
     columns = [header.index(name) for name in (_TIME, *_columns(skeleton.names))]
     values = []
     for line, row in enumerate(rows[1:], 2):
@@ -92,23 +103,6 @@ def read(path: str | Path) -> list[Motion]:
 
 def _columns(names: Sequence[str]) -> list[str]:
     return [f"{name}_{axis}" for name in names for axis in "xyz"]
-
-
-def _skeleton(path: str | Path, header: Sequence[str]) -> Skeleton:
-    """Returns the largest of our skeletons whose columns are all there."""
-    # The largest first, since the columns of a body with hands hold those of one without.
-    skeletons = sorted(OURS.values(), key=len, reverse=True)
-    for skeleton in skeletons:
-        if {_TIME, *_columns(skeleton.names)} <= set(header):
-            return skeleton
-    missing = [name for name in (_TIME, *_columns(skeletons[-1].names)) if name not in header]
-    shown = ", ".join(missing[:4]) + (" …" if len(missing) > 4 else "")
-    raise FileFormatError(
-        path,
-        f"lacks the columns {shown}; expected time and x, y, z of every joint of "
-        f"{', '.join(skeleton.name for skeleton in skeletons)}",
-        1,
-    )
 
 
 def contact_events(motion: Motion) -> list[dict[str, Any]]:
