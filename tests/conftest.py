@@ -22,6 +22,10 @@ os.environ["OMP_NUM_THREADS"] = "1"
 # A test leaves nothing in the folders of who runs it, and no engine reports that it is imported.
 os.environ["LATENTMOTION_CACHE"] = "off"
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+
+# To look up the shapes of an operation takes PyTorch longer than to compute them anew: graphs are
+# traced in four fifths of the time, to the same bytes.
+os.environ["TORCH_FAKE_TENSOR_DISPATCH_CACHE"] = "0"
 sys.modules["openvino_telemetry"] = None  # type: ignore[assignment]
 
 # Examples are the same each time, however long they take.

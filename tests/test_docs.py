@@ -241,8 +241,10 @@ SOURCE_FILE = re.compile(r"(?<![\w/.-])((?:[\w-]+/)*[A-Za-z_][\w-]*\.(?:py|js))\
 
 
 def prose(path: Path) -> Iterator[tuple[int, str]]:
-    """Yields docstrings and comments of a file, with their lines."""
+    """Yields docstrings and comments of a file that may name others, with their lines."""
     text = path.read_text(encoding="utf-8")
+    if not SOURCE_FILE.search(text):  # most files: to read them closely takes seconds
+        return
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             yield node.lineno, str(node.value.value)

@@ -48,6 +48,7 @@ def test_sentences_become_files(tmp_path: Path) -> None:
     assert "a person turns around" in (tmp_path / "walks/all.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("without_pullback")
 def test_own_takes_train_both_stages(tmp_path: Path) -> None:
     takes = [f"take{number}" for number in range(12)]
     write_own(tmp_path / "takes", takes)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +18,14 @@ from latentmotion.cli.main import main
 from latentmotion.condition import ActionCondition, ActionTask, Unconditional
 from latentmotion.data.store import read_manifest
 from latentmotion.errors import InputError
+from latentmotion.export import onnx
 from latentmotion.model.card import read_card
 from latentmotion.networks.backend import torch_pipeline
+from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.configuration import write_json
 from latentmotion.training.stages import train_denoiser
 from latentmotion.training.task_conditions import ConditionTable
+from tests.support.fixtures import Once
 from tests.support.moving_figures import write_moving_figures
 from tests.support.small_training import CHANGES, CONTEXT, small
 
@@ -89,7 +95,20 @@ def test_an_unconditional_model_generates(nothing: Path) -> None:
         generate("a person walks")
 
 
-@pytest.mark.usefixtures("without_pullback")
+@pytest.fixture
+def coders_traced_once(once: Once, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The VAE, which both models have, is traced for one of them."""
+    for name in ("export_decoder", "export_encoder"):
+        monkeypatch.setattr(onnx, name, partial(_copied, once, getattr(onnx, name)))
+
+
+def _copied(
+    once: Once, export: Callable[..., None], vae: MotionVAE, number: int | None, path: Path
+) -> None:
+    shutil.copyfile(once(path.name, lambda file: export(vae, number, file)), path)
+
+
+@pytest.mark.usefixtures("without_pullback", "coders_traced_once")
 @pytest.mark.parametrize("task", ["actions", "nothing"])
 def test_models_without_sentences_run_as_graphs(
     task: str, request: pytest.FixtureRequest, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -38,8 +38,14 @@ from latentmotion.networks.checkpoint import (
 
 SMALL = TransformerConfig(width=16, layers=3, heads=2, hidden=24)
 VAES = {
-    "over time": (ConvolutionalVAEConfig(width=8, channels=4), LatentSpace(4, frames_per_token=4)),
-    "global": (TransformerVAEConfig(tokens=2, transformer=SMALL), LatentSpace(16, tokens=2)),
+    "over time": (
+        ConvolutionalVAEConfig(width=8, channels=4, dilations=(1,)),
+        LatentSpace(4, frames_per_token=4),
+    ),
+    "global": (
+        TransformerVAEConfig(tokens=2, transformer=replace(SMALL, layers=1)),
+        LatentSpace(16, tokens=2),
+    ),
 }
 
 

@@ -120,7 +120,7 @@ def test_damaged_files_are_named(takes: list[Motion], tmp_path: Path, ending: st
     takes[0].save(tmp_path / f"a{ending}")
     whole = (tmp_path / f"a{ending}").read_bytes()
     bad = tmp_path / f"bad{ending}"
-    for size in (0, 5, 100, len(whole) // 2):
+    for size in (5, len(whole) // 2):  # each is read by a process; nothing at all: below
         bad.write_bytes(whole[:size])
         with pytest.raises(FileFormatError, match="bad"):
             formats.load(bad)

@@ -48,12 +48,12 @@ def whole(tmp_path: Path) -> dict[str, bytes]:
     return content(tmp_path / "whole")
 
 
-# Makes shards, but is killed before or after a rename, or half through a file.
+# Reads rows of shares and moments, and has a worker for each of a row: it makes shards, but is
+# killed before or after a rename, or half through a file. Prints how they ended.
 KILLED = """
 import os, signal, sys
 from pathlib import Path
 
-deadly = int(sys.argv[3])
 write, replace = Path.write_bytes, Path.replace
 
 def passes():
@@ -81,7 +81,18 @@ from latentmotion.storage import shards
 from latentmotion.storage.shards import folder_at
 from tests.storage.test_shards import work
 
-shards.make(work(), folder_at(sys.argv[1], create=True), shards.ShardSubset.parse(sys.argv[2]))
+for row in sys.stdin:
+    workers = []
+    for share, moment in (word.split(":") for word in row.split()):
+        if worker := os.fork():
+            workers.append(worker)
+            continue
+        deadly = int(moment)
+        folder = folder_at(sys.argv[1], create=True)
+        shards.make(work(), folder, shards.ShardSubset.parse(share))
+        os._exit(0)
+    codes = [os.waitstatus_to_exitcode(os.waitpid(worker, 0)[1]) for worker in workers]
+    print(*codes, flush=True)
 """
 
 
@@ -90,18 +101,17 @@ def test_two_workers_killed_at_random_make_the_same_bytes(
     shares: tuple[str, str], whole: dict[str, bytes], tmp_path: Path
 ) -> None:
     moments, folder, kills = random.Random(3), tmp_path / "parts", 0
-    waiting = list(shares)
-    while waiting:
-        workers = [
-            subprocess.Popen(
-                [sys.executable, "-c", KILLED, str(folder), share, str(moments.randint(1, 20))]
-            )
-            for share in waiting
-        ]
-        codes = [worker.wait() for worker in workers]
-        assert set(codes) <= {0, -signal.SIGKILL}
-        kills += sum(code != 0 for code in codes)
-        waiting = [share for share, code in zip(waiting, codes, strict=True) if code]
+    waiting, program = list(shares), [sys.executable, "-c", KILLED, str(folder)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(program, stdin=pipe, stdout=pipe, text=True, bufsize=1) as workers:
+        assert workers.stdin and workers.stdout
+        while waiting:
+            row = " ".join(f"{share}:{moments.randint(1, 20)}" for share in waiting)
+            workers.stdin.write(f"{row}\n")
+            codes = [int(code) for code in workers.stdout.readline().split()]
+            assert set(codes) <= {0, -signal.SIGKILL}
+            kills += sum(code != 0 for code in codes)
+            waiting = [share for share, code in zip(waiting, codes, strict=True) if code]
     assert kills >= 3
     shards.make(work(), folder_at(folder))
     assert content(folder) == whole

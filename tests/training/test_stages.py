@@ -105,13 +105,14 @@ def test_an_interrupted_second_stage_goes_on_bit_for_bit(
     assert weights(tmp_path / "whole") == weights(tmp_path / "parts")
 
 
-# Trains, but is killed before a step or while it writes the snapshot of one.
+# Trains several times, but is killed before a step or while it writes the snapshot of one; says how
+# each ended and whether there is a model. PyTorch is imported once for all.
 KILLED = """
 import os, signal, sys, torch
 from latentmotion.cli.main import main
 from latentmotion.training import loop
 
-optimize, save, (kind, step) = loop.optimize, torch.save, sys.argv[1].split()
+optimize, save = loop.optimize, torch.save
 
 def killed_optimize(*arguments):
     if kind == "step" and arguments[3] == int(step):
@@ -125,7 +126,14 @@ def killed_save(state, path):
         os.kill(os.getpid(), signal.SIGKILL)
 
 loop.optimize, torch.save = killed_optimize, killed_save
-main(sys.argv[2:])
+whens, folder, *words = sys.argv[1:]
+for when in whens.split(", "):
+    kind, step = when.split()
+    if os.fork() == 0:
+        main(words)
+        os._exit(0)
+    code = os.waitstatus_to_exitcode(os.wait()[1])
+    print(code, os.path.exists(folder + "/model"), flush=True)
 """
 
 
@@ -139,14 +147,11 @@ def environment() -> dict[str, str]:
 
 
 def test_a_killed_run_goes_on_bit_for_bit(figures: Path, vae_run: Path, tmp_path: Path) -> None:
-    def start(when: str) -> int:
-        words = [sys.executable, "-c", KILLED, when, *command(figures, tmp_path)]
-        return subprocess.run(words, env=environment(), capture_output=True).returncode
-
-    assert start("step 3") == -9
-    assert start("snapshot 6") == -9
-    assert not (tmp_path / "model").exists()
-    assert start("never 0") == 0
+    words = [sys.executable, "-c", KILLED, "step 3, snapshot 6, never 0", str(tmp_path)]
+    words += command(figures, tmp_path)
+    done = subprocess.run(words, env=environment(), capture_output=True, text=True)
+    ends = [line for line in done.stdout.splitlines() if line.endswith(("True", "False"))]
+    assert ends == ["-9 False", "-9 False", "0 True"], done.stderr
     assert weights(vae_run) == weights(tmp_path)
     assert read_journal(vae_run) == read_journal(tmp_path)
 
