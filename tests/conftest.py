@@ -7,13 +7,14 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import jaxtyping
 import pytest
 from hypothesis import HealthCheck, settings
-from jaxtyping import install_import_hook
 
 from tests.support import shape_checker
 
-install_import_hook("latentmotion", f"{shape_checker.__name__}.checked")
+jaxtyping.jaxtyped = shape_checker.jaxtyped  # type: ignore[assignment]
+jaxtyping.install_import_hook("latentmotion", f"{shape_checker.__name__}.checked")
 
 # One thread, in processes that tests start too: the networks are too small to gain from more, and
 # a sum is the same in every run only if as many threads share it.
