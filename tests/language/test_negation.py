@@ -25,6 +25,8 @@ from latentmotion.language.reading import affirmed, asked_exactly, claims_of, re
         ("strikes a T-pose without moving the man's legs", "strikes a T-pose"),
         ("stands still, no movement at all", "stands still, no movement at all"),
         ("don't move at all", "don't move at all"),
+        ("he can't stop laughing", "he can't stop laughing"),
+        ("a person doesn't stop and walks", "a person walks"),
         ("shakes his head no and crosses his arms", "shakes his head no and crosses his arms"),
         ("", ""),
     ],

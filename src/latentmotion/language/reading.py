@@ -125,7 +125,8 @@ def _negates(tokens: Sequence[Token], at: int) -> bool:
         return False  # an answer: "shakes the head no and crosses the arms"
     still = following in ("moving", "move", "movement")
     still &= after in ("", "forward", "at", "anymore") or after in STOPS
-    return not still and following not in ("only", "longer")
+    goes_on = following in ("stop", "help") and after.endswith("ing")  # "can't stop laughing"
+    return not (still or goes_on) and following not in ("only", "longer")
 
 
 def _end(tokens: Sequence[Token], start: int) -> int:
