@@ -21,8 +21,10 @@ from latentmotion.language.reading import affirmed, request_of, told_in_order
 from latentmotion.language.words import (
     ENDINGS,
     clauses_of,
+    listed,
     parts_of,
     refers_back,
+    uncounted,
     with_words,
     words_of,
 )
@@ -167,7 +169,10 @@ class Doubts:
                 outside = phrase
                 break
         for number, part in enumerate(parts_of(sentence)):
-            vectors = self.text_encoder([part, of_a_person(part)]).pooled
+            sides = [part, of_a_person(part)]
+            if not listed("repetition").isdisjoint(words_of(part)):
+                sides.append(uncounted(part))  # "claps twice" is known where "claps" is
+            vectors = self.text_encoder(sides).pooled
             (neighbor,) = self.index.nearest(vectors, 1)
             caption = neighbor.caption.text
             near = neighbor.cosine >= NEAR_ENOUGH
