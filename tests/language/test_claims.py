@@ -70,6 +70,9 @@ def test_verbs_and_their_kinds(sentence: str, kind: str) -> None:
         "a basketball player makes a jump shot",
         "jump rope",
         "",
+        "faints and drops to the ground",
+        "collapses down onto the floor",
+        "rolls on the ground",
     ],
 )
 def test_words_that_only_look_like_a_claim(sentence: str) -> None:
