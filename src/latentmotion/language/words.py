@@ -75,6 +75,7 @@ def words_of(sentence: str) -> list[str]:
     return _WORD.findall(sentence.lower())
 
 
+@lru_cache(maxsize=4096)
 def content_words(sentence: str) -> frozenset[str]:
     """Returns the words of a sentence but for articles, prepositions and who moves."""
     functional = listed("determiner") | listed("preposition") | listed("auxiliary")

@@ -294,7 +294,8 @@ class Chooser:
             return choice.support == DRAWN and choice.is_near and self._names(texts, clauses)
         if choice.support > RARE and len(named_sides(" ".join(clauses))) > 1:
             return False  # noise mixes sides up
-        number = next(n for n, other in enumerate(self.index.captions) if other is caption)
+        of_clip = self.index.captions_of[caption.clip]
+        number = next(n for n in of_clip if self.index.captions[n] is caption)
         cosines = [
             max(self.index.neighbor(number, self._sides(text)).cosine for text in lookups(clause))
             for clause in clauses
@@ -378,13 +379,14 @@ class Chooser:
         return frozenset().union(*map(_claims, self.index.texts_of(neighbor.caption.clip)))
 
     @cached_property
-    def _said_by_drawn(self) -> list[tuple[frozenset[str], int]]:
-        # The words of each caption of a drawn clip, and its number.
-        return [
-            (content_words(caption.text), number)
-            for number, caption in enumerate(self.index.captions)
-            if caption.support == DRAWN
-        ]
+    def _drawn_by_word(self) -> dict[str, dict[int, frozenset[str]]]:
+        # By each of their words the captions of drawn clips: number and all words of each.
+        drawn: dict[str, dict[int, frozenset[str]]] = {}
+        for number, caption in enumerate(self.index.captions):
+            words = content_words(caption.text) if caption.support == DRAWN else ()
+            for word in words:
+                drawn.setdefault(word, {})[number] = frozenset(words)
+        return drawn
 
     def _said(self, sentence: str) -> Neighbor | None:
         """Returns the drawn clip whose caption says the most of a sentence and nothing else.
@@ -395,12 +397,15 @@ class Chooser:
         forms = {word: other_forms(word) | {word} for word in content_words(sentence)}
         weights = {word: self.index.weight(forms[word]) for word in forms}
         every_form = frozenset().union(*forms.values())
+        telling: dict[int, frozenset[str]] = {}  # captions that have a word of weight
+        for form in chain(*(forms[word] for word in forms if weights[word] >= LEAST_WEIGHT)):
+            telling |= self._drawn_by_word.get(form, {})
         said: dict[float, list[int]] = {}
-        for words, number in self._said_by_drawn:
-            if words and words <= every_form:
-                shared = [weights[word] for word in forms if words & forms[word]]
-                if max(shared) >= LEAST_WEIGHT:
-                    said.setdefault(sum(shared), []).append(number)
+        for number in sorted(telling):
+            words = telling[number]
+            if words <= every_form:
+                shared = (weights[word] for word in forms if words & forms[word])
+                said.setdefault(sum(shared), []).append(number)
         most = max(said, default=0.0)
         if most < LEAST_SAID * sum(weights.values()) or not said:
             return None

@@ -79,6 +79,9 @@ _BY_CHANNEL = ("latents", "embeddings")
 # Bytes that are packed by one strategy: text by its repetitions, codes by their frequencies.
 _BLOCK = 1 << 18
 
+# Sentences whose cosines with all captions are kept, some 40 kB each.
+_KEPT = 32
+
 
 @dataclass(frozen=True)
 class IndexedClip:
@@ -171,7 +174,7 @@ class ClipIndex:
 
     @cached_property
     def _latest(self) -> dict[tuple[bool, bytes], Float[np.ndarray, "sides rows"]]:
-        # The cosines asked for last: the nearest of a sentence and their support follow each other.
+        # The cosines asked for last: a sentence and its clauses are read for clips and for doubts.
         return {}
 
     def _cosines(
@@ -185,7 +188,8 @@ class ClipIndex:
             captions, others = np.split(self._units, [len(self.captions)])
             # Sides first: the larger of two is then found in a tenth of the time.
             cosines = np.ascontiguousarray(((others if wordings else captions) @ unit(along).T).T)
-            self._latest.clear()
+            if len(self._latest) >= _KEPT:
+                self._latest.clear()
             self._latest[key] = cosines
         return cosines
 
