@@ -8,7 +8,6 @@ import tempfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -30,8 +29,23 @@ def encoded(motions: Sequence[Motion], form: str) -> tuple[bytes, str]:
     """
     if form == "raw":
         return b"".join(motion.joints.astype("<f4").tobytes() for motion in motions), form
-    if form in ("json", "viewer"):
-        plain = payload(motions) if form == "viewer" else _plain(motions)
+    if form == "viewer":
+        return json.dumps(payload(motions), separators=(",", ":")).encode(), form
+    if form == "json":
+        entries = [
+            {
+                "prompt": motion.caption,
+                "seconds": motion.seconds,
+                "fps": motion.fps,
+                "skeleton": motion.skeleton.name,
+                "joints": motion.skeleton.names,
+                "parents": motion.skeleton.parents,
+                "positions": np.round(motion.joints.astype(float), 5).tolist(),
+                "metadata": dict(motion.metadata),
+            }
+            for motion in motions
+        ]
+        plain = entries[0] if len(entries) == 1 else {"motions": entries}
         return json.dumps(plain, separators=(",", ":")).encode(), form
     if form == "glb":  # what services write most: files of their own take a tenth of its time
         from latentmotion.formats.gltf import make_document
@@ -58,21 +72,3 @@ def packed(files: Sequence[Path], form: str) -> tuple[bytes, str]:
         for file in files:
             archive.write(file, file.name)
     return content.getvalue(), "zip"
-
-
-def _plain(motions: Sequence[Motion]) -> dict[str, Any]:
-    """Returns a motion, or `motions`, as JSON has it."""
-    entries = [
-        {
-            "prompt": motion.caption,
-            "seconds": motion.seconds,
-            "fps": motion.fps,
-            "skeleton": motion.skeleton.name,
-            "joints": motion.skeleton.names,
-            "parents": motion.skeleton.parents,
-            "positions": np.round(motion.joints.astype(float), 5).tolist(),
-            "metadata": dict(motion.metadata),
-        }
-        for motion in motions
-    ]
-    return entries[0] if len(entries) == 1 else {"motions": entries}
