@@ -87,15 +87,6 @@ def test_padding_changes_nothing(name: str) -> None:
 
 
 @torch.no_grad()
-@pytest.mark.parametrize("name", CONFIGS)
-def test_a_graph_without_padding_gives_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    network, z, t, condition, mask = called(name)
-    whole = network(z, t, condition, mask)
-    monkeypatch.setattr(torch.onnx, "is_in_onnx_export", lambda: True)
-    assert torch.allclose(network(z, t, condition, mask), whole, atol=1e-5)
-
-
-@torch.no_grad()
 def test_the_length_token_tells_the_length() -> None:
     network, _, t, _, mask = called("length token")
     numbers = network.numbers(t, mask)

@@ -18,7 +18,7 @@ from latentmotion.condition import Conditioning
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.model.config import DenoiserConfig
 from latentmotion.networks import transformer
-from latentmotion.networks.transformer import NumberEmbedding, Packing
+from latentmotion.networks.transformer import NumberEmbedding
 
 
 class Standardization(nn.Module):
@@ -176,15 +176,7 @@ class InContext(nn.Module):
     ) -> Tensor:
         """Returns the latents' part of the encoder's output."""
         both = torch.cat([latents, context], dim=1)
-        every = torch.cat([mask, context_mask], dim=1)
-        if torch.onnx.is_in_onnx_export():
-            # A graph leaves out padding, since takes of a sentence differ in length, and in its
-            # last layer the context: a seventh of all products. Elsewhere shapes depend on no mask,
-            # so that PyTorch can compile and record them.
-            packing, nothing = Packing(every), torch.zeros_like(context_mask)
-            last = packing.keeping(torch.cat([mask, nothing], dim=1))
-            return Packing(mask).padded(self.encoder(packing.packed(both), packing, last=last))
-        return self.encoder(both, every)[:, : latents.shape[1]]
+        return self.encoder(both, torch.cat([mask, context_mask], dim=1))[:, : latents.shape[1]]
 
 
 class AcrossContext(nn.Module):

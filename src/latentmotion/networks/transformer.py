@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from copy import copy
 from functools import partial
 
 import torch
@@ -47,39 +46,6 @@ class Dropout(nn.Module):
         return x * mask.to(x.dtype).div_(1 - self.share)
 
 
-class Packing:
-    """Real tokens of a padded batch in one row, so that all but attention skips the padding.
-
-    Args:
-        mask: True on real tokens.
-    """
-
-    def __init__(self, mask: Bool[Tensor, "batch tokens"]) -> None:
-        self.mask = mask
-        real = mask.flatten()
-        self._tokens = real.nonzero()[:, 0]
-        self._indices = (real.cumsum(0) - 1).clamp(min=0).unflatten(0, mask.shape)
-        self._kept: Tensor | None = None
-
-    def keeping(self, kept: Bool[Tensor, "batch tokens"]) -> Packing:
-        """Returns the packing of a layer after which only some of the tokens are read."""
-        layer = copy(self)
-        layer._kept = kept.flatten()[self._tokens].nonzero()[:, 0]
-        return layer
-
-    def packed(self, x: Float[Tensor, "batch tokens width"]) -> Float[Tensor, "1 real width"]:
-        """Returns the real tokens."""
-        return x.flatten(0, 1)[None, self._tokens]
-
-    def padded(self, x: Float[Tensor, "1 real width"]) -> Float[Tensor, "batch tokens width"]:
-        """Returns the batch; its padding repeats real tokens."""
-        return x[0, self._indices]
-
-    def kept(self, x: Float[Tensor, "1 real width"]) -> Float[Tensor, "1 kept width"]:
-        """Returns the tokens that are read after the layer."""
-        return x if self._kept is None else x[:, self._kept]
-
-
 class SelfAttention(nn.Module):
     """Every token looks at every real token."""
 
@@ -91,15 +57,11 @@ class SelfAttention(nn.Module):
         self.output = nn.Linear(width, width)
 
     def forward(
-        self, x: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "_ _"] | Packing
-    ) -> Float[Tensor, "batch _ width"]:
-        """Attends to the tokens whose mask is True; with a packing, x has these alone."""
-        projected = self.query_key_value(x)
-        packing, real = (mask, mask.mask) if isinstance(mask, Packing) else (None, mask)
-        padded = packing.padded(projected) if packing else projected
-        q, k, v = _split_heads(padded, self.heads, 3)
-        attended = _attend(q, k, v, real, self.dropout if self.training else 0.0)
-        return self.output(packing.kept(packing.packed(attended)) if packing else attended)
+        self, x: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch tokens"]
+    ) -> Float[Tensor, "batch tokens width"]:
+        """Attends to the tokens whose mask is True."""
+        q, k, v = _split_heads(self.query_key_value(x), self.heads, 3)
+        return self.output(_attend(q, k, v, mask, self.dropout if self.training else 0.0))
 
 
 class CrossAttention(nn.Module):
@@ -152,11 +114,6 @@ def _attend(q: Tensor, k: Tensor, v: Tensor, mask: Tensor, dropout: float) -> Te
 Branch = Callable[[Tensor], Tensor]
 
 
-def _every(x: Tensor) -> Tensor:
-    """Returns all tokens."""
-    return x
-
-
 class PostNorm(nn.Module):
     """norm(x + branch(x)), as in the paper."""
 
@@ -165,17 +122,17 @@ class PostNorm(nn.Module):
         self.norm = nn.LayerNorm(width)
         self.dropout = Dropout(dropout)
 
-    def forward(self, x: Tensor, branch: Branch, kept: Branch = _every) -> Tensor:
-        """Adds the branch's output, which is of the tokens that are kept, then normalizes."""
-        return self.norm(kept(x) + self.dropout(branch(x)))
+    def forward(self, x: Tensor, branch: Branch) -> Tensor:
+        """Adds the branch's output, then normalizes."""
+        return self.norm(x + self.dropout(branch(x)))
 
 
 class PreNorm(PostNorm):
     """x + branch(norm(x))."""
 
-    def forward(self, x: Tensor, branch: Branch, kept: Branch = _every) -> Tensor:
-        """Normalizes, then adds the branch's output, which is of the tokens that are kept."""
-        return kept(x) + self.dropout(branch(self.norm(x)))
+    def forward(self, x: Tensor, branch: Branch) -> Tensor:
+        """Normalizes, then adds the branch's output."""
+        return x + self.dropout(branch(self.norm(x)))
 
 
 def _residual(config: TransformerConfig) -> PostNorm:
@@ -202,10 +159,9 @@ class EncoderLayer(nn.Module):
         self.around_attention = _residual(config)
         self.around_feed_forward = _residual(config)
 
-    def forward(self, x: Tensor, mask: Tensor | Packing) -> Tensor:
+    def forward(self, x: Tensor, mask: Tensor) -> Tensor:
         """Returns x plus the attention of its tokens to each other."""
-        kept = mask.kept if isinstance(mask, Packing) else _every
-        x = self.around_attention(x, lambda y: self.attention(y, mask), kept)
+        x = self.around_attention(x, lambda y: self.attention(y, mask))
         return self.around_feed_forward(x, self.feed_forward)
 
 
@@ -228,10 +184,6 @@ class DecoderLayer(nn.Module):
         return self.around_feed_forward(x, self.feed_forward)
 
 
-# What a layer gets besides its tokens: a mask or a packing, a memory.
-Context = Tensor | Packing
-
-
 class Stack(nn.Module):
     """Layers one after the other."""
 
@@ -240,17 +192,10 @@ class Stack(nn.Module):
         self.layers = nn.ModuleList(layers)
         self.norm = norm
 
-    def forward(self, x: Tensor, *context: Context, last: Context | None = None) -> Tensor:
-        """Applies every layer to x; the context (masks, memory) is the same for all.
-
-        Args:
-            x: Tokens.
-            *context: What every layer gets besides.
-            last: What the last layer gets in its place.
-        """
-        for number, layer in enumerate(self.layers, start=1):
-            final = number == len(self.layers) and last is not None
-            x = layer(x, last) if final else layer(x, *context)
+    def forward(self, x: Tensor, *context: Tensor) -> Tensor:
+        """Applies every layer to x; the context (masks, memory) is the same for all."""
+        for layer in self.layers:
+            x = layer(x, *context)
         return self.norm(x)
 
 
@@ -269,16 +214,15 @@ class SkipStack(nn.Module):
         self.joins = nn.ModuleList(nn.Linear(2 * width, width) for _ in range(half))
         self.norm = norm
 
-    def forward(self, x: Tensor, *context: Context, last: Context | None = None) -> Tensor:
-        """Applies every layer to x; arguments are those of `Stack`."""
-        skips: list[Tensor] = []
-        contexts = [context] * len(self.last) + [context if last is None else (last,)]
+    def forward(self, x: Tensor, *context: Tensor) -> Tensor:
+        """Applies every layer to x; the context (masks, memory) is the same for all."""
+        skips = []
         for layer in self.first:
             x = layer(x, *context)
             skips.append(x)
-        x = self.middle(x, *contexts[0])
-        for join, layer, besides in zip(self.joins, self.last, contexts[1:], strict=True):
-            x = layer(join(torch.cat([x, skips.pop()], dim=-1)), *besides)
+        x = self.middle(x, *context)
+        for join, layer in zip(self.joins, self.last, strict=True):
+            x = layer(join(torch.cat([x, skips.pop()], dim=-1)), *context)
         return self.norm(x)
 
 
