@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton, interpolate
-from latentmotion.language.claims import mirror_words
+from latentmotion.language.claims import NO_CORRECTIONS, Corrections, mirror_words
 from latentmotion.plugins import registered
 from latentmotion.progress import counted
 from latentmotion.storage.limits import FARTHEST, LEAST_FPS, MOST_FPS

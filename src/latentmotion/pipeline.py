@@ -27,7 +27,6 @@ from jaxtyping import Float
 from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
 from latentmotion.cleanup.floor import land_walkers
 from latentmotion.condition import Condition, Conditioning, SentenceCondition, TextEncoder
-from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
 from latentmotion.diffusion.parametrization import (
     Estimator,
@@ -56,6 +55,7 @@ from latentmotion.engine.backend import (
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import LazySession, PickledByFields, Runtime, Session
 from latentmotion.errors import InputError, ModelError
+from latentmotion.language.claims import NO_CORRECTIONS, Corrections
 from latentmotion.language.reading import (
     asked_exactly,
     counted_range,

@@ -11,9 +11,9 @@ from latentmotion import Motion, MotionPipeline
 from latentmotion.cleanup import CleanUp, CleanUpWarning, clean, clean_batch
 from latentmotion.control.stream import generate_loop
 from latentmotion.control.timeline import generate_timeline
-from latentmotion.corrections import NO_CORRECTIONS, Corrections, Count
 from latentmotion.kinematics.plausibility import jitter
 from latentmotion.kinematics.skeleton import KIT
+from latentmotion.language.claims import NO_CORRECTIONS, Corrections, Count
 from latentmotion.measure.repetitions import repetitions
 from tests.support import acted
 

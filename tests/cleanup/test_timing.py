@@ -9,7 +9,7 @@ import pytest
 
 from latentmotion.cleanup import CleanUp, clean
 from latentmotion.cleanup.smoothing import settled, sharpened
-from latentmotion.corrections import Corrections
+from latentmotion.language.claims import Corrections
 from latentmotion.motion import Motion
 from tests.support.walker import walker
 

@@ -7,8 +7,8 @@ import pytest
 
 from latentmotion import Motion, MotionPipeline
 from latentmotion.cleanup import CleanUp, clean, clean_batch
-from latentmotion.corrections import Corrections, Turn
 from latentmotion.kinematics.skeleton import KIT
+from latentmotion.language.claims import Corrections, Turn
 from latentmotion.measure.scene import describe
 from tests.support import acted
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from latentmotion.corrections import NO_CORRECTIONS
+from latentmotion.language.claims import NO_CORRECTIONS
 from latentmotion.language.reading import affirmed, asked_exactly, claims_of, request_of
 
 

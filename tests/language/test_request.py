@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from latentmotion.corrections import NO_CORRECTIONS, Corrections, Count
-from latentmotion.language.claims import Claim
+from latentmotion.language.claims import NO_CORRECTIONS, Claim, Corrections, Count
 from latentmotion.language.reading import (
     asked_exactly,
     claims_of,

@@ -10,9 +10,9 @@ import pytest
 from latentmotion import Motion, MotionPipeline
 from latentmotion.cleanup import CleanUp
 from latentmotion.cli.main import main
-from latentmotion.corrections import Corrections, Count
 from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.skeleton import KIT
+from latentmotion.language.claims import Corrections, Count
 from latentmotion.ranking.best import best_of, ranked, usual_takes
 from latentmotion.ranking.scorer import Scorer, shipped_scorer
 from tests.support import acted

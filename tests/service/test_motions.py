@@ -12,7 +12,7 @@ import pytest
 from latentmotion import Motion, MotionPipeline
 from latentmotion.cleanup import CleanUp
 from latentmotion.control.timeline import generate_timeline
-from latentmotion.corrections import Corrections
+from latentmotion.language.claims import Corrections
 from latentmotion.service.schemas import Format
 from tests.service.conftest import Called
 

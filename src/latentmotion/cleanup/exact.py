@@ -16,8 +16,8 @@ from dataclasses import asdict, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.corrections import Count, Turn
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.language.claims import Count, Turn
 from latentmotion.measure.repetitions import COUNTED, Repetitions, repetitions
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import gaussian_smooth, turn

@@ -22,10 +22,10 @@ from latentmotion.cleanup.foot_lock import FootLock, lock_feet
 from latentmotion.cleanup.leg_ik import find_legs, keep_knee_direction
 from latentmotion.cleanup.loops import is_loop, rolled_up, turns_beside, unrolled
 from latentmotion.cleanup.smoothing import gaussian, settled, sharpened, steadied
-from latentmotion.corrections import NO_CORRECTIONS, Corrections
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.language.claims import NO_CORRECTIONS, Corrections
 from latentmotion.motion import Motion, alike
 from latentmotion.progress import counted
 

@@ -20,7 +20,6 @@ from dataclasses import replace
 from functools import cache, lru_cache
 from itertools import pairwise, product
 
-from latentmotion.corrections import Corrections, Count, Turn
 from latentmotion.language.acts import (
     GAITS,
     Mention,
@@ -29,7 +28,18 @@ from latentmotion.language.acts import (
     last_boundary,
     verb_forms,
 )
-from latentmotion.language.claims import SLIGHT, Claim, Request, data, kinds, limits, related
+from latentmotion.language.claims import (
+    SLIGHT,
+    Claim,
+    Corrections,
+    Count,
+    Request,
+    Turn,
+    data,
+    kinds,
+    limits,
+    related,
+)
 from latentmotion.language.manner import (
     count_of,
     degrees_and_side,

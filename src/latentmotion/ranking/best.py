@@ -23,7 +23,6 @@ import numpy as np
 
 from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
 from latentmotion.condition import Condition, SentenceCondition
-from latentmotion.corrections import Corrections
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import (
     floating,
@@ -32,6 +31,7 @@ from latentmotion.kinematics.plausibility import (
     penetration,
     unfinished,
 )
+from latentmotion.language.claims import Corrections
 from latentmotion.language.reading import request_of
 from latentmotion.measure.scene import describe
 from latentmotion.model.card import ModelCard

@@ -18,9 +18,8 @@ from jaxtyping import Float
 
 from latentmotion.arrays import unit
 from latentmotion.condition import TextEncoder
-from latentmotion.corrections import NO_CORRECTIONS
 from latentmotion.language.acts import lookups
-from latentmotion.language.claims import Claim, both_sides, data, kinds
+from latentmotion.language.claims import NO_CORRECTIONS, Claim, both_sides, data, kinds
 from latentmotion.language.reading import asked_exactly, request_of
 from latentmotion.language.words import (
     at_once,

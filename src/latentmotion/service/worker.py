@@ -23,10 +23,10 @@ import numpy as np
 
 from latentmotion import formats
 from latentmotion.cleanup import CleanUp, clean_batch
-from latentmotion.corrections import Corrections
 from latentmotion.errors import LatentMotionError
 from latentmotion.formats.content import encoded, packed
 from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.language.claims import Corrections
 from latentmotion.motion import Motion, animations
 from latentmotion.retarget import read_rig, transfer
 from latentmotion.retarget.rig import inspect_rig
