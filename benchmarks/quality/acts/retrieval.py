@@ -3,7 +3,7 @@
     rank = 1 + #{240 clips of other acts nearer to the motion than the nearest of 5 of its act}
 
 The tower is that of own-clip retrieval, which nothing trains or ranks by. Prompts are in a user's
-words, so it measures understanding as much as motion. Two cosines of `retrieval/wordings.py` were
+words, so it measures understanding as much as motion. Two cosines of `retrieval/doubts.py` were
 chosen by this figure, which is a little too good for it.
 """
 

@@ -17,7 +17,6 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import unit
-from latentmotion.condition import TextEncoder
 from latentmotion.language.acts import lookups
 from latentmotion.language.claims import NO_CORRECTIONS, Claim, both_sides, data, kinds
 from latentmotion.language.reading import asked_exactly, request_of
@@ -35,15 +34,20 @@ from latentmotion.language.words import (
     verb_of,
     words_of,
 )
-from latentmotion.retrieval.doubts import Doubts, Reading
-from latentmotion.retrieval.fit import ALIKE, MOST_COMPARED, NEARLY_ALIKE, fitting
+from latentmotion.retrieval.doubts import (
+    ALIKE,
+    MOST_COMPARED,
+    NEARLY_ALIKE,
+    Reading,
+    SentenceReader,
+    fitting,
+)
 from latentmotion.retrieval.index import (
     ALIKE_WORDS,
     DRAWN,
     OFTEN,
     RARE,
     SHOWN,
-    ClipIndex,
     Neighbor,
 )
 
@@ -102,16 +106,8 @@ Span = tuple[tuple[str, ...], Choice]  # Clauses of a sentence in a row, and cli
 
 
 @dataclass(frozen=True)
-class Chooser:
+class Chooser(SentenceReader):
     """Chooses clips of an index for the movements of sentences."""
-
-    index: ClipIndex  # The clips.
-    text_encoder: TextEncoder  # Embeds sentences.
-
-    @property
-    def doubts(self) -> Doubts:
-        """Finds what sentences ask for that the clips do not show."""
-        return Doubts(self.index, self.text_encoder)
 
     def neighbors(self, sentence: str, count: int = MOST_CHOICES) -> list[Neighbor]:
         """Returns the captions nearest to a sentence, the nearest first."""
@@ -123,7 +119,7 @@ class Chooser:
 
     def read(self, sentence: str) -> Reading:
         """Returns a sentence as the model reads it; what is made in layers is not doubted."""
-        reading = self.doubts.read(sentence)
+        reading = super().read(sentence)
         doubted = reading.doubt and reading.doubt.is_far and self._layers(reading.sentence)
         return replace(reading, doubt=None) if doubted else reading
 
@@ -165,7 +161,7 @@ class Chooser:
 
         What follows says how. Nothing is returned where it claims what the clip does not show.
         """
-        several = len(clauses_of(sentence, self.doubts.is_word)) > 1
+        several = len(clauses_of(sentence, self.is_word)) > 1
         if several or asked_exactly(sentence, any_length=True) != NO_CORRECTIONS:
             return None
         stops = [sentence.find(mark) for mark in _TAILS if mark in sentence]
@@ -255,7 +251,7 @@ class Chooser:
         Clauses are one movement where a caption tells of all of them: it is nearer to them together
         than to any alone, and as near as others are to each alone.
         """
-        clauses = clauses_of(sentence, self.doubts.is_word)
+        clauses = clauses_of(sentence, self.is_word)
         done = [clause for clause in clauses if listed("barely").isdisjoint(words_of(clause))]
         if not done or len(clauses) == 1 or len(done) > MOST_MOVEMENTS:
             return [self.choice(sentence)]
@@ -370,7 +366,7 @@ class Chooser:
     def _names(self, captions: Sequence[str], clauses: Sequence[str]) -> bool:
         """Whether captions have the verb of each clause, in any form."""
         words = {*chain(*map(words_of, captions))}
-        verbs = [verb_of(clause, self.doubts.is_word) for clause in clauses]
+        verbs = [verb_of(clause, self.is_word) for clause in clauses]
         return all(words & (other_forms(verb) | {verb}) for verb in verbs)
 
     def _claims_of(self, neighbor: Neighbor) -> frozenset[str]:

@@ -20,16 +20,8 @@ from jaxtyping import Float
 from latentmotion.arrays import unit
 from latentmotion.condition import TextEncoder
 from latentmotion.errors import FileFormatError, InputError
-from latentmotion.language.acts import lookups
-from latentmotion.language.claims import both_sides, mirror_words
-from latentmotion.language.reading import is_idle, request_of
-from latentmotion.language.words import named_sides, refers_back, tokens_of
 from latentmotion.retrieval.index import (
-    ABOUT,
-    DRAWN,
     EMBEDDING_LEVELS,
-    OFTEN,
-    RARE,
     SHOWN,
     ClipIndex,
     quantized,
@@ -50,74 +42,8 @@ SAME = 0.85
 # Cosine from which a wording repeats another: three in ten; what the rest finds hardly changes.
 REPEATED = 0.76
 
-# Cosine from which a sentence says what a wording does, and from which its own words are near
-# enough to those of a caption. Chosen on the acts of benchmarks/quality/acts, by clips in ten.
-NEAR_WORDING, NEAR_CAPTION = 0.7, 0.78
-
-# The same of a wording whose caption more than OFTEN clips support: of nine prompts between the
-# two, five were read as something else ("tap someone on the shoulder" as "he moves his arms").
-NEAR_WORDING_OF_COMMON = 0.8
-
-# How much nearer than a drawn clip's sentence a wording of a common movement has to be. Of 31
-# prompts of users with both, ten then start from what they ask for, one from something else, and
-# four from noise with their own words (0.05 before).
-NEARER = 0.2
-
 # Sentences that are embedded together.
 _AT_ONCE = 512
-
-
-def in_words_of_captions(
-    movements: Sequence[str], index: ClipIndex, text_encoder: TextEncoder
-) -> str | None:
-    """Returns a sentence in words that the denoiser learned; None where its own are near them.
-
-    Each movement that people say otherwise than captions do becomes the caption whose wording is
-    nearest. Not so where the sentence claims something that can be measured, which the denoiser
-    learned from sentences of all kinds, and where it names a side that the caption does not.
-
-    Args:
-        movements: The parts of a sentence that follow each other.
-        index: With wordings.
-        text_encoder: The encoder of the index.
-    """
-    captions = [
-        None if number and refers_back(movement) else _caption(movement, index, text_encoder)
-        for number, movement in enumerate(movements)
-    ]
-    if not any(captions):
-        return None
-    return ", then ".join(
-        caption or movement for caption, movement in zip(captions, movements, strict=True)
-    )
-
-
-def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str | None:
-    if is_idle(tokens_of(sentence)) or request_of(sentence).claims:
-        return None
-    sides = text_encoder(both_sides(sentence)).pooled
-    near = index.nearest_by_wording(sides)
-    if near is None:
-        return None
-    common = near.caption.support > OFTEN
-    if near.cosine < (NEAR_WORDING_OF_COMMON if common else NEAR_WORDING):
-        return None
-    literal = max(
-        (index.nearest(text_encoder(both_sides(text)).pooled, 1)[0] for text in lookups(sentence)),
-        key=lambda neighbor: neighbor.cosine,
-    )
-    if literal.cosine >= min(NEAR_CAPTION, near.cosine):
-        return None
-    # A clip was shown for this movement, so it is meant, however well others fit; one that was
-    # drawn has short sentences, which are less near than wordings, and shows the movement where
-    # the wording's caption is too common for a start from its clip.
-    drawn = ABOUT if near.caption.support <= RARE else NEARER
-    farther = {SHOWN: 1.0, DRAWN: drawn}.get(literal.caption.support, 0.0)
-    if literal.is_near and near.cosine <= literal.cosine + farther:
-        return None
-    caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
-    named = named_sides(sentence)
-    return None if named and named != named_sides(caption) else caption
 
 
 def with_wordings(
