@@ -89,15 +89,17 @@ def test_what_fills_a_bucket_moves_nothing(exact: MotionPipeline, sampler: str) 
 def test_sizes_of_buckets() -> None:
     card = read_card(find_model("starter"))
     buckets = Buckets(card)
-    assert [buckets.rows(count) for count in (1, 2, 3, 9, 256)] == [1, 2, 4, 16, 256]
-    assert [buckets.words(count) for count in (0, 1, 2, 9, 10)] == [0, 1, 9, 9, 17]
-    assert [buckets.frames(longest) for longest in (12, 32, 33, 195, 196)] == [32, 32, 64, 196, 196]
+    counts, words, lengths = (1, 2, 3, 9, 256), (0, 1, 2, 9, 10), (12, 32, 33, 195, 196)
+    sizes = [buckets.sizes(*each) for each in zip(counts, words, lengths, strict=True)]
+    assert [size[0] for size in sizes] == [1, 2, 4, 16, 256]
+    assert [size[1] for size in sizes] == [0, 1, 9, 9, 17]
+    assert [size[2] for size in sizes] == [32, 32, 64, 196, 196]
     # Padding would move these models' motions.
     config = card.trained_denoiser
     sees = Buckets(replace(card, denoiser=replace(config, attends_to_padding=True)))
-    assert sees.frames(33) == 33
+    assert sees.sizes(1, 1, 33)[2] == 33
     first = Buckets(replace(card, denoiser=replace(config, positions="context_first")))
-    assert first.words(2) == 2
+    assert first.sizes(1, 2, 32)[1] == 2
 
 
 def test_one_recording_serves_a_bucket(exact: MotionPipeline) -> None:

@@ -37,17 +37,9 @@ from latentmotion.representation.smpl import SmplRepresentation
 class Padding:
     """The sizes to which a batch is padded; here it stays as large as it is."""
 
-    def rows(self, count: int) -> int:
-        """Returns the number of motions after padding."""
-        return count
-
-    def words(self, count: int) -> int:
-        """Returns the number of words of the condition after padding."""
-        return count
-
-    def frames(self, longest: int) -> int:
-        """Returns the number of frames after padding."""
-        return longest
+    def sizes(self, rows: int, words: int, frames: int) -> tuple[int, int, int]:
+        """Returns the numbers of motions, of words of the condition and of frames."""
+        return rows, words, frames
 
 
 # Records functions of arrays, and replays them from then on: takes a name, equal for functions that

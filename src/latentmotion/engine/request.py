@@ -124,13 +124,12 @@ def padded_batch(
         backend: Padding of the batch, and device of its arrays.
     """
     padding, to_device = backend.padding, backend.to_device
-    longest, rows = padding.frames(max(request.frames)), padding.rows(len(request.seeds))
+    count, width = condition.mask.shape
+    rows, words, longest = padding.sizes(len(request.seeds), width, max(request.frames))
     frames = _repeat_last(request.frames, rows)
     tokens = [latents.tokens_of(length) for length in frames]
     noise = SeededNoise(_repeat_last(request.seeds, rows), tokens)
     most = latents.tokens_of(longest)
-    count, width = condition.mask.shape
-    words = padding.words(width)
     if (rows, words) != (count, width):
         repeated, missing = _repeat_last(range(count), rows), ((0, 0), (0, words - width))
         condition = Conditioning(

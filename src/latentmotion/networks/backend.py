@@ -55,26 +55,18 @@ class Buckets(Padding):
 
     card: ModelCard  # States the longest motion, and whether padding would change motions.
 
-    def rows(self, count: int) -> int:
-        """Returns the next power of two."""
-        return 1 << (count - 1).bit_length()
+    def sizes(self, rows: int, words: int, frames: int) -> tuple[int, int, int]:
+        """Returns the next power of two, 1 + 8 n and 32 n; no words stay none.
 
-    def words(self, count: int) -> int:
-        """Returns the next 1 + 8 n; no words stay none."""
+        Frames are no more than those of the longest motion that the model makes.
+        """
         # If the context comes before the latents, more words would move the latents' positions.
-        if count == 0 or self.card.trained_denoiser.positions == "context_first":
-            return count
-        return 1 + _multiple(count - 1, BUCKET_WORDS)
-
-    def frames(self, longest: int) -> int:
-        """Returns the next 32 n, or the longest motion that the model makes."""
-        if not self.card.masks_padding:
-            return longest
-        return max(longest, min(_multiple(longest, BUCKET_FRAMES), self.card.frames[1]))
-
-
-def _multiple(count: int, of: int) -> int:
-    return -(-count // of) * of
+        if words and self.card.trained_denoiser.positions != "context_first":
+            words = 1 + -(-(words - 1) // BUCKET_WORDS) * BUCKET_WORDS
+        if self.card.masks_padding:
+            padded = -(-frames // BUCKET_FRAMES) * BUCKET_FRAMES
+            frames = max(frames, min(padded, self.card.frames[1]))
+        return 1 << (rows - 1).bit_length(), words, frames
 
 
 def torch_pipeline(

@@ -14,7 +14,7 @@ import math
 import zlib
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -146,6 +146,10 @@ class ClipIndex:
     # Words of all captions of the data, with the number of clips whose captions have them; also of
     # captions that were left out (`teach.py`).
     words: Mapping[str, int]
+    # The cosines asked for last: a sentence and its clauses are read for clips and for doubts.
+    _latest: dict[tuple[bool, bytes], Float[np.ndarray, "sides rows"]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         sources = {source.name for source in self.sources}
@@ -171,11 +175,6 @@ class ClipIndex:
     @cached_property
     def _units(self) -> Float[np.ndarray, "rows components"]:
         return unit(self.embeddings.astype(np.float32))
-
-    @cached_property
-    def _latest(self) -> dict[tuple[bool, bytes], Float[np.ndarray, "sides rows"]]:
-        # The cosines asked for last: a sentence and its clauses are read for clips and for doubts.
-        return {}
 
     def _cosines(
         self, sentences: Float[np.ndarray, "sides width"], wordings: bool = False
@@ -406,7 +405,7 @@ def _packed(content: bytes) -> bytes:
 
 
 def _values(row: Any) -> list[Any]:
-    return [getattr(row, field.name) for field in fields(row)]
+    return [getattr(row, column.name) for column in fields(row)]
 
 
 def fingerprint(space: LatentSpace) -> str:

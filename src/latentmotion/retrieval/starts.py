@@ -11,8 +11,7 @@ figures in lab/diary/rare_acts.md). Frequent movements start from pure noise, as
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -96,6 +95,11 @@ class ClipStarts:
     # Features of one movement of a sentence, sampled from noise as a request says.
     # As many frames as are given, or as is usual.
     sample: Callable[[str, GenerationRequest, int | None], np.ndarray]
+    # What was decoded last: the ends of a movement are compared with those before it and after it,
+    # and takes of a sentence share their clips. Decoding takes 2 ms each time.
+    _latest: dict[bytes, Float[np.ndarray, "frames features"]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def _decoded(
         self, latents: Float[np.ndarray, "tokens width"]
@@ -109,12 +113,6 @@ class ClipStarts:
                 self._latest.clear()
             self._latest[key] = features
         return features
-
-    @cached_property
-    def _latest(self) -> dict[bytes, Float[np.ndarray, "frames features"]]:
-        # What was decoded last: the ends of a movement are compared with those before it and after
-        # it, and takes of a sentence share their clips. Decoding takes 2 ms each time.
-        return {}
 
     def _calibrates(self, features: Float[np.ndarray, "frames features"]) -> int:
         """Returns how many tokens a recording begins with both arms held out, for calibration."""

@@ -82,6 +82,10 @@ class GraphTextEncoder:
     session: Any  # ONNX Runtime's session: tokens, mask → pooled, words.
     # Tokenizer of the package `tokenizers`, which truncates and pads as its file says.
     tokenizer: Any
+    # For one motion a sentence is read for its length, clips, takes and scores.
+    _recent: dict[tuple[int, ...], TextEmbedding] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def __call__(self, sentences: Sequence[str]) -> TextEmbedding:
         """Returns pooled embeddings and the states of the word pieces.
@@ -111,11 +115,6 @@ class GraphTextEncoder:
                     self._recent.clear()
                 self._recent.update(zip(pieces.values(), rows, strict=True))
         return stack([read[sentence] for sentence in sentences])
-
-    @cached_property
-    def _recent(self) -> dict[tuple[int, ...], TextEmbedding]:
-        # For one motion a sentence is read for its length, clips, takes and scores.
-        return {}
 
     def read(self, tokens: Int[np.ndarray, "batch words"]) -> list[TextEmbedding]:
         """Returns the embedding of each sentence of word pieces, all of one length."""
