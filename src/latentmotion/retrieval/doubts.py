@@ -85,6 +85,10 @@ NEAR_WORDING_OF_COMMON = 0.8
 # four from noise with their own words (0.05 before).
 NEARER = 0.2
 
+# Cosine from which a sentence is a wording of a clip that was drawn or shown, so that it is read so
+# whatever it claims: who wrote the wording knew what the clip shows.
+SAME_WORDING = 0.8
+
 # Weights of the mean cosine of all captions of a clip, and of the share of a sentence's words that
 # they have, beside the cosine of the nearest. Of 4,393 captions of drawn clips, left out one at a
 # time, 63 % then find their clip among all, 53 % by the nearest caption alone.
@@ -340,11 +344,14 @@ def in_words_of_captions(
 
 
 def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str | None:
-    if is_idle(tokens_of(sentence)) or request_of(sentence).claims:
+    if is_idle(tokens_of(sentence)):
         return None
     sides = text_encoder(both_sides(sentence)).pooled
     near = index.nearest_by_wording(sides)
     if near is None:
+        return None
+    same = near.caption.support <= SHOWN and near.cosine >= SAME_WORDING
+    if request_of(sentence).claims and not same:
         return None
     common = near.caption.support > OFTEN
     if near.cosine < (NEAR_WORDING_OF_COMMON if common else NEAR_WORDING):
@@ -353,14 +360,14 @@ def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str 
         (index.nearest(text_encoder(both_sides(text)).pooled, 1)[0] for text in lookups(sentence)),
         key=lambda neighbor: neighbor.cosine,
     )
-    if literal.cosine >= min(NEAR_CAPTION, near.cosine):
+    if literal.cosine >= (near.cosine if same else min(NEAR_CAPTION, near.cosine)):
         return None
     # A clip was shown for this movement, so it is meant, however well others fit; one that was
     # drawn has short sentences, which are less near than wordings, and shows the movement where
     # the wording's caption is too common for a start from its clip.
     drawn = ABOUT if near.caption.support <= RARE else NEARER
     farther = {SHOWN: 1.0, DRAWN: drawn}.get(literal.caption.support, 0.0)
-    if literal.is_near and near.cosine <= literal.cosine + farther:
+    if not same and literal.is_near and near.cosine <= literal.cosine + farther:
         return None
     caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
     named = named_sides(sentence)
