@@ -19,10 +19,10 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, InputError
-from latentmotion.formats.checks import check_filled, checked_animation, numbers, read_lines
+from latentmotion.formats.checks import check_filled, checked_animation, numbers, read_lines, table
 from latentmotion.kinematics.rotations import matrix_from_euler
 from latentmotion.kinematics.skeleton import Animation, Skeleton
-from latentmotion.storage.limits import LEAST_FPS, MOST_FPS, MOST_JOINTS, MOST_NUMBER
+from latentmotion.storage.limits import LEAST_FPS, MOST_FPS, MOST_JOINTS
 from latentmotion.storage.reading import blamed_on
 
 _INCH = 0.0254
@@ -287,91 +287,52 @@ def _read_frames(
 ) -> tuple[bool, dict[str, Float[np.ndarray, "frames channels"]]]:
     """Returns whether angles are in degrees, and the values of each bone.
 
-    All frames are read at once: apart from the numbers, every frame has the words of the first.
+    Every frame has the bones of the first, in its order; the others keep their rest pose.
     """
-    degrees, start = figure.degrees, None
-    for index, text in enumerate(lines):
-        word = text.strip().lower()
-        if word.isdecimal():
-            start = index
-            break
-        if word in (":degrees", ":radians"):
-            degrees = word == ":degrees"
-        elif word and word[0] not in "#:":
+    degrees, frames, start = figure.degrees, 0, 0
+    place = 0  # number of bones that were read of the present frame
+    rows: dict[str, list[_Line]] = {}
+    order: list[str] = []
+    for line, text in enumerate(lines, 1):
+        name, *words = text.split() or [""]
+        problem = ""
+        if name.isdecimal() and not words and place == len(order):
+            if frames == 1 and "root" not in rows:
+                raise FileFormatError(path, "found a frame without 'root'", start)
+            frames, place, start = frames + 1, 0, start or line
+        elif not frames and name and name[0] not in "#:":
             problem = f"found {text[:40]!r}, expected a frame number: not AMC, or damaged"
-            raise FileFormatError(path, problem, index + 1)
-    if start is None:
+        elif not frames and name.lower() in (":degrees", ":radians"):
+            degrees = name.lower() == ":degrees"
+        elif frames and name:
+            if frames == 1 and name not in rows:
+                order.append(name)
+            if place == len(order):
+                problem = f"found {name!r}, expected a frame number"
+            elif name != order[place]:
+                problem = f"found {name!r}, expected bone {order[place]!r} as in the first frame"
+            elif name not in figure.bones:
+                problem = f"found bone {name!r}; the ASF has {', '.join(figure.bones)}"
+            elif len(words) != (count := len(figure.bones[name].channels)):
+                problem = f"found {len(words)} numbers for bone {name!r}, expected {count}"
+                problem += " as in the ASF"
+            rows.setdefault(name, []).append((line, words))
+            place += 1
+        if problem:
+            raise FileFormatError(path, problem, line)
+    # A single frame cannot be told from a file cut short, unless it is complete.
+    missing = [name for name, bone in figure.bones.items() if bone.channels and name not in rows]
+    if not frames:
         raise FileFormatError(path, "holds no frames: the file is truncated", len(lines))
-    layout = _first_frame_bones(path, lines, start, figure)
-    words = " ".join(lines[start:]).split()
-    counts = [1 + len(figure.bones[name].channels) for name in layout]
-    width = 1 + sum(counts)
-    begins = np.cumsum([1, *counts[:-1]])
-    same = all(set(words[b::width]) == {n} for n, b in zip(layout, begins, strict=True))
-    same &= all(number.isdecimal() for number in words[::width])
-    try:
-        grid = np.array(words if same else [], dtype=object).reshape(-1, width)
-        values = {
-            name: grid[:, begin + 1 : begin + count].astype(np.float64)
-            for name, begin, count in zip(layout, begins, counts, strict=True)
-        }
-    except ValueError:
-        values = {}
-    if not (same and values and all((np.abs(v) <= MOST_NUMBER).all() for v in values.values())):
-        raise _first_problem(path, lines, start, layout, figure)
-    return degrees, values
-
-
-def _first_frame_bones(
-    path: Path, lines: Sequence[str], start: int, figure: AsfSkeleton
-) -> list[str]:
-    """Returns the bones of the first frame, in its order; the others keep their rest pose."""
-    layout: list[str] = []
-    for index, text in enumerate(lines[start + 1 :], start + 1):
-        words = text.split()
-        if words and words[0].isdecimal():
-            break
-        if words:
-            _check_bone(path, index + 1, words, figure)
-            layout.append(words[0])
-    else:
-        # A single frame cannot be told from a file cut short, unless it is complete.
-        missing = [n for n, bone in figure.bones.items() if bone.channels and n not in layout]
-        if missing:
-            problem = f"ends before bone {missing[0]!r}: the file is truncated"
-            raise FileFormatError(path, problem, len(lines))
-    if "root" not in layout:
-        raise FileFormatError(path, "found a frame without 'root'", start + 1)
-    return layout
-
-
-def _check_bone(path: Path, line: int, words: list[str], figure: AsfSkeleton) -> None:
-    name, *values = words
-    if name not in figure.bones:
-        bones = ", ".join(figure.bones)
-        raise FileFormatError(path, f"found bone {name!r}; the ASF has {bones}", line)
-    count = len(figure.bones[name].channels)
-    if len(values) != count:
-        problem = f"found {len(values)} numbers for bone {name!r}, expected {count} as in the ASF"
-        raise FileFormatError(path, problem, line)
-    numbers(path, line, values, count)
-
-
-def _first_problem(
-    path: Path, lines: Sequence[str], start: int, layout: Sequence[str], figure: AsfSkeleton
-) -> FileFormatError:
-    """Finds the first error, line by line, in a file known to be damaged."""
-    filled = [(i, text.split()) for i, text in enumerate(lines[start:], start + 1) if text.strip()]
-    for index, (line, words) in enumerate(filled):
-        number = index % (1 + len(layout))
-        if number == 0 and (len(words) > 1 or not words[0].isdecimal()):
-            return FileFormatError(path, f"found {words[0]!r}, expected a frame number", line)
-        if number > 0 and words[0] != layout[number - 1]:
-            expected = f"expected bone {layout[number - 1]!r} as in the first frame"
-            return FileFormatError(path, f"found {words[0]!r}, {expected}", line)
-        if number > 0:
-            _check_bone(path, line, words, figure)
-    return FileFormatError(path, "ends inside a frame: the file is truncated", len(lines))
+    if frames == 1 and missing:
+        problem = f"ends before bone {missing[0]!r}: the file is truncated"
+        raise FileFormatError(path, problem, len(lines))
+    if place < len(order):
+        raise FileFormatError(path, "ends inside a frame: the file is truncated", len(lines))
+    if "root" not in rows:
+        raise FileFormatError(path, "found a frame without 'root'", start)
+    widths = {name: len(figure.bones[name].channels) for name in order}
+    return degrees, {name: table(path, rows[name], width) for name, width in widths.items()}
 
 
 def figure_skeleton(name: str, figure: AsfSkeleton) -> Skeleton:

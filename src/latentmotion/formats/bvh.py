@@ -227,7 +227,8 @@ def read_bvh(path: str | Path, unit: str | float = "centimeters") -> Animation:
     nodes, start = read_hierarchy(Path(path), lines)
     count, fps, body = _read_timing(Path(path), lines, start)
     columns = [(joint, *channel) for joint, node in enumerate(nodes) for channel in node.channels]
-    values = checks.table(path, lines, body, len(columns))
+    rows = [(n, words) for n, line in enumerate(lines[body:], body + 1) if (words := line.split())]
+    values = checks.table(path, rows, len(columns))
     if abs(len(values) - count) > 1:
         problem = f"found {len(values)} frames, expected {count} as 'Frames:' says"
         raise FileFormatError(path, problem, len(lines))

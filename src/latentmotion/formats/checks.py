@@ -107,28 +107,23 @@ def whole_rate(fps: float) -> float:
 
 
 def table(
-    path: str | Path, lines: Sequence[str], start: int, width: int
+    path: str | Path, rows: Sequence[tuple[int, Sequence[str]]], width: int
 ) -> Float[np.ndarray, "rows width"]:
-    """Parses all lines from `start` on, except blank ones, as rows of `width` finite numbers.
+    """Parses the words of lines as rows of `width` finite numbers.
 
     Args:
         path: The file, for the error.
-        lines: All lines of the file.
-        start: Index of the first line of the table.
+        rows: Number of each line, from 1, and its words.
         width: Numbers expected in each line.
 
     Raises:
         FileFormatError: A line has more or fewer words, or one that is not a finite number.
     """
-    rows = [words for line in lines[start:] if (words := line.split())]
     try:
-        values = np.array(rows, dtype=np.float64).reshape(len(rows), width)
+        values = np.array([words for _, words in rows], np.float64).reshape(len(rows), width)
     except ValueError:
         values = np.full((1, width), np.nan)
     if (np.abs(values) <= limits.MOST_NUMBER).all():
         return values
     # Something is wrong: read line by line to find it.
-    filled = [
-        (n, words) for n, line in enumerate(lines[start:], start + 1) if (words := line.split())
-    ]
-    return np.stack([numbers(path, line, words, width) for line, words in filled])
+    return np.stack([numbers(path, line, words, width) for line, words in rows])

@@ -76,17 +76,15 @@ def read(path: str | Path) -> list[Motion]:
             1,
         )
     columns = [header.index(name) for name in (_TIME, *_columns(skeleton.names))]
-    values = []
-    for line, row in enumerate(rows[1:], 2):
-        if row and len(row) != len(header):
+    filled = [(line, row) for line, row in enumerate(rows[1:], 2) if row]
+    for line, row in filled:
+        if len(row) != len(header):
             problem = f"found {len(row)} values, expected {len(header)} as in the header"
             raise FileFormatError(path, problem, line)
-        if row:
-            words = [row[column].strip() for column in columns]
-            values.append(checks.numbers(path, line, words, len(columns)))
-    if not values:
+    if not filled:
         raise FileFormatError(path, "has a header and no frame; it is truncated", 1)
-    table = np.stack(values)
+    words = [(line, [row[column].strip() for column in columns]) for line, row in filled]
+    table = checks.table(path, words, len(columns))
     joints = table[:, 1:].reshape(len(table), len(skeleton), 3).astype("f4")
     times = table[:, 0]
     if len(times) == 1:
