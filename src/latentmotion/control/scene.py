@@ -34,11 +34,12 @@ SCHEMA_FILE = Path(__file__).with_name("scene.schema.json")  # JSON Schema of sc
 class ScenePath:
     """The path of the pelvis."""
 
-    points: tuple[tuple[float, float], ...]  # x and z of each point, meters.
-    # Seconds at which each is passed; by default the whole path takes the whole motion.
+    points: tuple[tuple[float, float], ...]
+    """x and z of each point, meters."""
     at: tuple[float, ...] | None = None
-    # In place of times: meters per second, one number or one for each point.
+    """Seconds at which each is passed; by default the whole path takes the whole motion."""
     pace: tuple[float, ...] | None = None
+    """In place of times: meters per second, one number or one for each point."""
 
 
 @dataclass(frozen=True)

@@ -46,8 +46,10 @@ class Span:
         InputError: The length is no positive number.
     """
 
-    prompt: str  # What the person does.
-    seconds: float | None = None  # Length of the span; by default as predicted from the prompt.
+    prompt: str
+    """What the person does."""
+    seconds: float | None = None
+    """Length of the span; by default as predicted from the prompt."""
 
     def __post_init__(self) -> None:
         if self.seconds is not None and not 0 < self.seconds < np.inf:
@@ -64,10 +66,14 @@ class PartSpan:
         InputError: The times are not ascending, or the first is before the motion.
     """
 
-    part: str  # Name of the part, such as `right_arm`, `arms` or `legs`.
-    prompt: str  # What the person does, of which the part is taken.
-    start: float  # Seconds.
-    end: float  # Seconds.
+    part: str
+    """Name of the part: an arm, arms, a leg, legs, head or upper_body."""
+    prompt: str
+    """What the person does, of which the part is taken."""
+    start: float
+    """Seconds."""
+    end: float
+    """Seconds."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.start < self.end < np.inf:

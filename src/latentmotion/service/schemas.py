@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, WrapValidator, model_validator
 
-from latentmotion.control.scene import FORMAT, Scene, checked
+from latentmotion.control.goals import Heading, LookAt, Reach
+from latentmotion.control.scene import FORMAT, Scene, ScenePath, checked
+from latentmotion.control.timeline import PartSpan, Span
 from latentmotion.diffusion.samplers import SamplerName
+from latentmotion.errors import LatentMotionError
 from latentmotion.pipeline import RawMotion
 from latentmotion.service.batching import BatchSettings, Prompt
 from latentmotion.storage import configuration, limits
+from latentmotion.storage.reading import parse_json
 
 MOST_CHARACTERS = 500
 """Longest prompt, characters."""
@@ -94,71 +99,28 @@ class RequestModel(BaseModel):
         return data
 
 
-class _TimedGoal(RequestModel):
-    """A goal at a time, or from then on until another."""
+def _read_as(kind: type) -> WrapValidator:
+    """Reads a part of a scene as scene files are read; OpenAPI describes it by its docstrings."""
 
-    at: Number
-    """Seconds."""
-    until: Number | None = None
-    """Seconds until which it stays so."""
+    def read(value: Any, handler: object) -> Any:
+        try:
+            part = configuration.from_json(kind, parse_json(json.dumps(value), "the request"))
+        except LatentMotionError as error:
+            raise ValueError(str(error)) from error
+        texts = (text for text in vars(part).values() if isinstance(text, str))
+        if (longest := max(map(len, texts), default=0)) > MOST_CHARACTERS:
+            raise ValueError(f"{longest:,} characters, expected at most {MOST_CHARACTERS}")
+        return part
 
-
-class JointGoal(_TimedGoal):
-    """A joint, or a part of a hand, is at a place at a time, or from then on until another."""
-
-    joint: str = Field(max_length=100, examples=["right_wrist"])
-    """Name of the joint, or `right_hand`, `right_fingertips` and the like."""
-    to: tuple[Number | None, Number | None, Number | None]
-    """x, y and z, meters; null leaves a coordinate free."""
-    relative_to: str | None = Field(None, max_length=100)
-    """Joint from which the place counts: x to the body's left, y up, z ahead."""
+    return WrapValidator(read)
 
 
-class HeadingGoal(_TimedGoal):
-    """The body faces a direction at a time, or from then on until another."""
-
-    degrees: Number
-    """0 is +z, 90 is +x."""
-
-
-class LookGoal(_TimedGoal):
-    """The eyes look at a point at a time, or from then on until another."""
-
-    to: tuple[Number, Number, Number]
-    """x, y and z, meters."""
-
-
-class PathGoal(RequestModel):
-    """The path of the pelvis."""
-
-    points: list[tuple[Number, Number]] = Field(min_length=2, max_length=limits.MOST_GOALS)
-    """x and z of each point, meters."""
-    at: list[Number] | None = Field(None, max_length=limits.MOST_GOALS)
-    """Seconds at which each is passed."""
-    pace: list[Number] | None = Field(None, max_length=limits.MOST_GOALS)
-    """In place of times: meters per second, one number or one for each point."""
-
-
-class SpanOfTimeline(RequestModel):
-    """A prompt of a timeline."""
-
-    prompt: Text
-    """What the person does."""
-    seconds: Number | None = Field(None, gt=0, le=60)
-    """Length in seconds; by default as predicted from the prompt."""
-
-
-class PartOfTimeline(RequestModel):
-    """A prompt that one part of the body follows during a timeline."""
-
-    part: str = Field(max_length=100, examples=["right_arm"])
-    """Name of the part: an arm, arms, a leg, legs, head or upper_body."""
-    prompt: Text
-    """What the person does, of which the part is taken."""
-    start: Number
-    """Seconds."""
-    end: Number
-    """Seconds."""
+JointGoal = Annotated[Reach, _read_as(Reach)]
+HeadingGoal = Annotated[Heading, _read_as(Heading)]
+LookGoal = Annotated[LookAt, _read_as(LookAt)]
+PathGoal = Annotated[ScenePath, _read_as(ScenePath)]
+SpanOfTimeline = Annotated[Span, _read_as(Span)]
+PartOfTimeline = Annotated[PartSpan, _read_as(PartSpan)]
 
 
 class _Sampled(RequestModel):
@@ -216,8 +178,8 @@ class SceneRequest(_Sampled):
             InputError: It is of several kinds, or a goal or a time cannot be used.
         """
         shared = {field.name for field in fields(Scene)} - {"format", "poses"}
-        values = self.model_dump(include=shared)
-        return checked(configuration.from_json(Scene, {"format": FORMAT, **values}), "the request")
+        values: dict[str, Any] = {name: getattr(self, name) for name in shared}
+        return checked(Scene(FORMAT, **values), "the request")
 
 
 class MotionRequest(SceneRequest):
