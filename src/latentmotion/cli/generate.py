@@ -87,18 +87,24 @@ class Directing:
     """Write a motion that meets its goals only by flying or breaking, with a warning."""
 
     def read_scene(self) -> Scene | None:
-        """Returns the scene of the file, if one is named."""
-        if self.scene is None:
+        """Returns the scene of the file, or of the options of a timeline or a loop, if any."""
+        if self.scene is None and not (self.timeline or self.loop):
             return None
         # Here and below: what directs motions is imported only where it is used, so that a motion
         # of a sentence alone starts a tenth of a second earlier.
-        from latentmotion.control.scene import read_scene
+        from latentmotion.control.scene import FORMAT, Scene, read_scene
+        from latentmotion.control.timeline import parse_part_span, parse_span
 
-        return read_scene(self.scene)
+        if self.scene is not None:
+            scene = read_scene(self.scene)
+            return replace(scene, loop=scene.loop or self.loop)
+        spans = tuple(map(parse_span, self.timeline))
+        parts = tuple(map(parse_part_span, self.timeline_part))
+        return Scene(FORMAT, timeline=spans, timeline_parts=parts, loop=self.loop)
 
     def goals(self, scene: Scene | None) -> list[Goal]:
         """Returns the goals of the options and of the scene."""
-        goals = scene.all_goals(self.scene.parent) if scene and self.scene else []
+        goals = scene.all_goals((self.scene or Path()).parent) if scene else []
         if self.pace and self.path is None:
             raise InputError("--pace is that of a path; give its points: --path")
         if not (self.reach or self.heading or self.look_at or self.path is not None):
@@ -258,7 +264,7 @@ class Generate:
                 raise InputError(f"--{name} {number}: expected 1 or more")
         self.clean_up.steps()  # raises an error where they do not fit
         directing, prior = self.directing, self.sampling.prior
-        several = bool(directing.timeline) or (scene is not None and bool(scene.timeline))
+        several, loops = bool(scene and scene.timeline), bool(scene and scene.loop)
         if self.best_of not in (None, 1) and (several or prior):
             raise InputError(
                 f"--best-of {self.best_of}: takes are scored by their one sentence; leave --prior, "
@@ -269,14 +275,14 @@ class Generate:
             raise InputError(
                 "--timeline has the prompts: leave prompts, --file, --prior, --scene out"
             )
-        if self._loops(scene) and (prior or several or goals):
+        if loops and (prior or several or goals):
             raise InputError("a loop takes no goals, --timeline or --prior; leave them out")
         if directing.timeline_part and not directing.timeline:
             raise InputError("--timeline-part needs --timeline, which the whole body follows")
-        if scene is not None and (self.prompts or self.file or prior):
+        if directing.scene and (self.prompts or self.file or prior):
             raise InputError("--scene has the prompt; leave prompts, --file and --prior out")
-        self._refuse_unused(several, goals)
-        if scene is not None:
+        self._refuse_unused(several, loops, goals)
+        if scene and directing.scene:
             return [scene.prompt]
         if self.file is not None and self.prompts:
             raise InputError("give either prompts or --file, not both")
@@ -305,11 +311,11 @@ class Generate:
         options.refuse_unused(self.sampling, reason, "guidance", "moves")
         return [""]
 
-    def _refuse_unused(self, timeline: bool, goals: bool) -> None:
+    def _refuse_unused(self, timeline: bool, loop: bool, goals: bool) -> None:
         """Refuses options that have no effect beside others."""
         sampling, directing = self.sampling, self.directing
-        prior, loop = "--prior decodes random latents", directing.loop
-        usual, no_clips = "by the model's own sampler", not sampling.from_clips
+        prior, usual = "--prior decodes random latents", "by the model's own sampler"
+        no_clips = not sampling.from_clips
         of_goals = ("reach", "heading", "look_at", "path", "pace")
         for applies, group, reason, *names in (
             (sampling.prior, sampling, prior, "steps", "guidance", "sampler", "moves"),
@@ -351,10 +357,14 @@ class Generate:
         )
         generator = replace(generator, body=body).with_moves(*sampling.moves)
         seed = (scene.seed if scene and self.seed is None else self.seed) or 0
-        if directing.timeline or (scene and scene.timeline):
-            return self._timelines(generator, scene, seed, steps)
+        if scene and scene.timeline:
+            from latentmotion.control.scene import loop_or_timeline
+
+            settings, seeds = (sampling.steps, sampling.guidance), range(seed, seed + self.count)
+            motions = [loop_or_timeline(generator, scene, n, *settings) for n in seeds]
+            return clean_batch(motions, steps) if steps else motions
         seconds = scene.seconds if scene and self.seconds is None else self.seconds
-        if self._loops(scene):
+        if scene and scene.loop:
             return self._cycles(generator, prompts, seconds, seed, steps)
         repeated = [prompt for prompt in prompts for _ in range(self.count)]
         takes = self.best_of or min(usual_takes(generator.card, prompt) for prompt in prompts)
@@ -368,9 +378,6 @@ class Generate:
             generator(prompt, seconds, seed + takes * number, *settings, force=directing.force)
             for number, prompt in enumerate(repeated)
         ]
-
-    def _loops(self, scene: Scene | None) -> bool:
-        return self.directing.loop or (scene is not None and scene.loop)
 
     def _cycles(
         self,
@@ -394,20 +401,6 @@ class Generate:
                 loops = [take.motion for take in ranked(loops, prompt, scorer, None)]
             best.append(loops[0])
         return clean_batch(best, steps) if steps else best
-
-    def _timelines(
-        self, generator: MotionPipeline, scene: Scene | None, seed: int, steps: CleanUp | None
-    ) -> list[Motion]:
-        """Generates several prompts in one motion, as often as `--count` says."""
-        from latentmotion.control.timeline import generate_timeline, parse_part_span, parse_span
-
-        timeline, parts = self.directing.timeline, self.directing.timeline_part
-        spans = [*scene.timeline] if scene else [*map(parse_span, timeline)]
-        part_spans = [*scene.timeline_parts] if scene else [*map(parse_part_span, parts)]
-        settings = self.sampling.steps, self.sampling.guidance, part_spans
-        seeds = range(seed, seed + self.count)
-        motions = [generate_timeline(generator, spans, seed, *settings) for seed in seeds]
-        return clean_batch(motions, steps) if steps else motions
 
 
 def _no_text_encoder() -> TextEncoder:
