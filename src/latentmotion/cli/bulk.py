@@ -86,10 +86,8 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
             raise InputError("no prompts given; name a file: latentmotion bulk prompts.txt")
         share = options.share_of(self.shard)
         opening = (self.runtime, self.threads, self.text_encoder, self.execution)
-        shared = {f.name for f in fields(BulkGeneration)} & {f.name for f in fields(self)}
-        settings = {name: getattr(self, name) for name in shared}
         pipeline = loading.load_generator(self.model, *opening)
-        generation = BulkGeneration(options=opening, **settings)
+        generation = BulkGeneration(options=opening, **options.values_for(BulkGeneration, self))
         work = work_of(generation, pipeline, self.prompts, self.seed, self.rows)
         if self.check:
             folder = folder_at(self.output)
@@ -98,16 +96,17 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
             self._print_summary(manifest)
             return
         folder = folder_at(self.output, create=True)
-        manifest = shards.make(work, folder, share, self._print)
+
+        def report(record: shards.Record) -> None:
+            print(f"{record.name}: {record.items} motions", file=sys.stderr, flush=True)
+            for wrong in record.wrong:
+                print(f"{self.prompts}:{wrong.line}: {wrong.problem}; left out", file=sys.stderr)
+
+        manifest = shards.make(work, folder, share, report)
         if manifest:
             self._print_summary(manifest)
         else:
             print(f"{self.output}: shard {self.shard} is finished, others are not")
-
-    def _print(self, record: shards.Record) -> None:
-        print(f"{record.name}: {record.items} motions", file=sys.stderr, flush=True)
-        for wrong in record.wrong:
-            print(f"{self.prompts}:{wrong.line}: {wrong.problem}; left out", file=sys.stderr)
 
     def _print_summary(self, manifest: shards.ShardManifest) -> None:
         motions = sum(record.items for record in manifest.shards)

@@ -63,17 +63,8 @@ class Convert:
                 arrays += [] if path is None else [read_array(path)]
             except FileFormatError as error:
                 raise InputError(f"{error}; not a readable .npy file") from error
-        origin = mld.Origin(
-            (arrays[0], arrays[1]) if arrays else None,
-            heads=self.heads,
-            activation=self.activation,
-            norm=self.norm,
-            text_activation=self.text_activation,
-            predicts=self.predicts,
-            text_encoder=self.text_encoder,
-            labels=self.labels,
-            diffusion_steps=self.diffusion_steps,
-        )
+        statistics = (arrays[0], arrays[1]) if arrays else None
+        origin = mld.Origin(statistics, **options.values_for(mld.Origin, self))
         others = convert_checkpoint(self.file, self.output, origin)
         kinds = {
             "rot2xyz": ": SMPL's body, whose license forbids to pass it on",

@@ -61,14 +61,7 @@ class Clean(options.MotionOptions):
         """
         if not self.smooth:
             options.refuse_unused(self, "--no-smooth leaves jitter as it is", "cutoff")
-        steps = CleanUp(
-            smooth=self.smooth,
-            bones=self.bones,
-            floor=self.floor,
-            feet=self.feet,
-            in_place=self.in_place,
-            cutoff=self.cutoff,
-        )
+        steps = CleanUp(**options.values_for(CleanUp, self))
         options.check_outputs(self.output)
         before = self.load(self.file)
         motions = clean_batch(before, steps)

@@ -240,6 +240,12 @@ def share_of(shard: str | None) -> ShardSubset:
     return ShardSubset.parse(shard) if shard else ShardSubset()
 
 
+def values_for(kind: Any, command: Any) -> dict[str, Any]:
+    """Returns the options of a command that are fields of another dataclass, too."""
+    names = {field.name for field in fields(kind)} & {field.name for field in fields(command)}
+    return {name: getattr(command, name) for name in names}
+
+
 def check_outputs(paths: Iterable[Path]) -> None:
     """Checks that motions can be written to files, before work begins.
 

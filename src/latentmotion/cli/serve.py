@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import math
 import webbrowser
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
@@ -81,9 +81,7 @@ class Serve(service.ServiceOptions, _Listening):
             if not (math.isfinite(seconds) and 0 <= seconds <= 3600):
                 raise InputError(f"--{name} {seconds:g}: expected 0 to 3600 seconds")
         settings = self._settings(
-            **{
-                option.name: getattr(self, option.name) for option in fields(service.ServiceOptions)
-            },
+            **options.values_for(service.ServiceOptions, self),
             batch=self.batch_size,
             tokens=service.read_tokens(self.token_file) if self.token_file else (),
             origins=self.allow_origin,
