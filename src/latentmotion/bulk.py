@@ -74,28 +74,26 @@ def read_rows(path: Path, seed: int = 0) -> list[PromptRow]:
     if len(table) > limits.MOST_PROMPTS:
         problem = f"{len(table):,} rows, at most {limits.MOST_PROMPTS:,} are read; split the file"
         raise FileFormatError(path, problem)
-    return [_row(line, cells, seed + number) for number, (line, cells) in enumerate(table)]
-
-
-def _row(line: int, cells: dict[str, str], seed: int) -> PromptRow:
-    prompt, problem, seconds = cells["prompt"].strip(), "", None
-    length, seed_text = cells.get("seconds"), cells.get("seed")
-    if len(prompt) > limits.MOST_PROMPT:
-        problem = f"{len(prompt):,} characters, expected at most {limits.MOST_PROMPT:,}"
-        prompt = prompt[: limits.MOST_PROMPT]
-    try:
-        seconds = float(length) if length else None
-        if seconds is not None and not math.isfinite(seconds):
-            raise ValueError
-    except ValueError:
-        problem, seconds = f"{length!r:.80} seconds: expected a number", None
-    try:
-        seed = int(seed_text) if seed_text else seed
-        if not 0 <= seed < 2**63:
-            raise ValueError
-    except ValueError:
-        problem = f"seed {seed_text!r:.80}: expected a whole number from 0 up, below 2^63"
-    return PromptRow(line, prompt, seed, seconds, problem)
+    rows = []
+    for number, (line, cells) in enumerate(table, seed):
+        prompt, problem, seconds = cells["prompt"].strip(), "", None
+        length, seed_text = cells.get("seconds"), cells.get("seed")
+        if len(prompt) > limits.MOST_PROMPT:
+            problem = f"{len(prompt):,} characters, expected at most {limits.MOST_PROMPT:,}"
+        try:
+            seconds = float(length) if length else None
+            if seconds is not None and not math.isfinite(seconds):
+                raise ValueError
+        except ValueError:
+            problem, seconds = f"{length!r:.80} seconds: expected a number", None
+        try:
+            number = int(seed_text) if seed_text else number
+            if not 0 <= number < 2**63:
+                raise ValueError
+        except ValueError:
+            problem = f"seed {seed_text!r:.80}: expected a whole number from 0 up, below 2^63"
+        rows.append(PromptRow(line, prompt[: limits.MOST_PROMPT], number, seconds, problem))
+    return rows
 
 
 # Format of the shards; or of the motions, a file each, with a table of them for each shard.

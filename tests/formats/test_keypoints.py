@@ -79,7 +79,7 @@ def test_axes_and_cameras_are_stated(tmp_path: Path, points: np.ndarray) -> None
         ({"points": [[[1, 2]]], "fps": 20, "poinst": 1}, "unknown key 'poinst': did you mean"),
         ({"fps": 20}, "points: expected a list of frames"),
         ({"points": [[[1, 2], [1, 2, 3]]], "fps": 20}, "frame 0: found .* expected 2 numbers"),
-        ({"points": [[[1, "2"]]], "fps": 20}, "found '2', expected a number or null"),
+        ({"points": [[[1, "2"]]], "fps": 20}, "found .1, '2'., expected 2 numbers or null"),
         ({"points": [[[1, 2]]], "fps": 20, "format": 2}, "another format than 1"),
         ({"points": [[[1, 2]] * 9] * 3, "fps": 20}, "9 keypoints without names"),
         ({"points": [[[1, 2]] * 17] * 3}, "give it with --fps"),

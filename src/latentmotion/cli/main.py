@@ -67,9 +67,18 @@ def _run(words: list[str]) -> None:
         return
     # The longest first: `convert evaluator` is a command beside `convert`.
     name = next((" ".join(words[:n]) for n in (3, 2, 1) if " ".join(words[:n]) in VERBS), None)
-    if name is None:
-        _print_group(words)
-        return
+    if name is None:  # a group of verbs such as `data`, or a mistake
+        depth = next((n for n in (2, 1) if n <= len(words) and _group(words[:n])), 0)
+        group = _group(words[:depth])
+        if depth and (len(words) == depth or words[depth] in ("-h", "--help")):
+            print(_overview(group))
+            return
+        typed = " ".join(words[: depth + 1])
+        # One word further than what was understood, so that "xyz" is no reason to name every verb.
+        names = dict.fromkeys(" ".join(verb.split()[: depth + 1]) for verb in group)
+        verbs = [verb for verb in group if words[depth] in verb.split()[depth + 1 :]]
+        advice = f"did you mean {verbs[0]!r}?" if verbs else hint(typed, names)
+        raise InputError(f"unknown command {typed!r}; {advice}")
     from latentmotion.cli.usage import parsed
 
     module, _, cls = VERBS[name].target.partition(":")
@@ -84,21 +93,6 @@ def _run(words: list[str]) -> None:
             raise
         extra = name if name in ("serve", "studio", "mcp", "mmcp") else "train"
         raise MissingExtraError(f"latentmotion {name}", error.name, extra) from error
-
-
-def _print_group(words: list[str]) -> None:
-    """Prints the verbs of a group such as `data`; raises InputError for an unknown verb."""
-    depth = next((n for n in (2, 1) if n <= len(words) and _group(words[:n])), 0)
-    group = _group(words[:depth])
-    if depth and (len(words) == depth or words[depth] in ("-h", "--help")):
-        print(_overview(group))
-        return
-    typed = " ".join(words[: depth + 1])
-    # One word further than what was understood, so that "xyz" is no reason to name every verb.
-    names = dict.fromkeys(" ".join(name.split()[: depth + 1]) for name in group)
-    verbs = [name for name in group if words[depth] in name.split()[depth + 1 :]]
-    advice = f"did you mean {verbs[0]!r}?" if verbs else hint(typed, names)
-    raise InputError(f"unknown command {typed!r}; {advice}")
 
 
 def _group(words: list[str]) -> dict[str, Verb]:

@@ -96,7 +96,15 @@ class RenderMotions(options.MotionOptions):
             check_writable(path)
             if path.suffix.lower() not in _PAGES:
                 import_module("latentmotion.render.painter")  # no Pillow: told before all else
-        figure = self._figure()
+        if self.figure is None or self.figure in _DRAWN:
+            figure = _DRAWN[self.figure or "mannequin"]
+        elif Path(self.figure).is_file():
+            figure = CharacterFigure(read_rig(self.figure, stated=self.stated()))
+        else:
+            raise InputError(
+                f"--figure {self.figure}: there is no such file; expected mannequin, stick or "
+                "the file of a character (.glb, .gltf, .vrm, .fbx)"
+            )
         motions = [motion for path in self.files for motion in self.load(path)]
         for path in self.output:
             if path.suffix.lower() in _PICTURES:
@@ -119,22 +127,6 @@ class RenderMotions(options.MotionOptions):
             else:
                 page.write_page(path, motions, figure=skinned(motions, figure))
             print(f"wrote {path}")
-
-    def _figure(self) -> Figure:
-        """Returns what pictures show, and pages of a mannequin or a character.
-
-        Raises:
-            InputError: There is no such figure, or no picture of it.
-        """
-        if self.figure is None or self.figure in _DRAWN:
-            return _DRAWN[self.figure or "mannequin"]
-        character = Path(self.figure)
-        if not character.is_file():
-            raise InputError(
-                f"--figure {self.figure}: there is no such file; expected mannequin, stick or "
-                "the file of a character (.glb, .gltf, .vrm, .fbx)"
-            )
-        return CharacterFigure(read_rig(character, stated=self.stated()))
 
 
 def skinned(motions: Sequence[Motion], figure: Figure) -> page.Skinned:

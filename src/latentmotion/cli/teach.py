@@ -10,7 +10,6 @@ from tyro.conf import Positional, arg
 
 from latentmotion import formats
 from latentmotion.cli import options
-from latentmotion.condition import SentenceCondition
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import MANIFEST
@@ -76,7 +75,16 @@ class Teach:
         target = self.output / MOVES_FILE
         check_writable(target if self.output.exists() else self.output)
         pipeline = MotionPipeline.from_pretrained(self.model)
-        index = self._of_data(pipeline) if prepared else self._of_clip(pipeline)
+        if not prepared:
+            index = self._of_clip(pipeline)
+        else:
+            dataset, encoder = Dataset.load(self.file), pipeline.text_encoder
+            encoders = pipeline.feature_encoder, encoder
+            index = build_index(shown_clips(dataset), dataset.sources, pipeline.card, *encoders)
+            index = thinned(index)
+            if self.wordings:
+                texts = wordings.read_wordings(self.wordings)
+                index = wordings.with_wordings(index, texts, encoder)
         if target.exists():
             earlier = joined([index_file(self.output)], index.latent_space, index.text_encoder)
             index = earlier.joined(index)
@@ -108,17 +116,3 @@ class Teach:
         source = Source(owner, self.license, self.credit)
         encoders = pipeline.feature_encoder, pipeline.text_encoder
         return build_index(clips, [source], pipeline.card, *encoders).preferred()
-
-    def _of_data(self, pipeline: MotionPipeline) -> ClipIndex:
-        """Returns an index of the training clips of prepared data."""
-        dataset, condition = Dataset.load(self.file), pipeline.condition
-        if not isinstance(condition, SentenceCondition):
-            raise InputError(f"model {self.model!r} reads no sentences, so it cannot be taught")
-        encoders = pipeline.feature_encoder, condition.encoder
-        index = build_index(shown_clips(dataset), dataset.sources, pipeline.card, *encoders)
-        index = thinned(index)
-        if self.wordings:
-            index = wordings.with_wordings(
-                index, wordings.read_wordings(self.wordings), condition.encoder
-            )
-        return index

@@ -374,8 +374,10 @@ def share_weights(graph: Path, weights: Path) -> None:
             nodes += scaled_rows(stored_as, f"{name}.scale", whole)
         if shared.transposed:
             nodes.append(helper.make_node("Transpose", [whole], [name]))
-    _replace(model.graph.initializer, initializers)
-    _replace(model.graph.node, [*nodes, *model.graph.node])
+    nodes += model.graph.node
+    del model.graph.initializer[:], model.graph.node[:]
+    model.graph.initializer.extend(initializers)
+    model.graph.node.extend(nodes)
     write_file(graph, model.SerializeToString())
 
 
@@ -416,16 +418,6 @@ def stored_tensors(weights: Path) -> dict[tuple[tuple[int, ...], bytes], StoredT
 
 def _key(array: np.ndarray) -> tuple[tuple[int, ...], bytes]:
     return array.shape, np.ascontiguousarray(array, np.float32).tobytes()
-
-
-def _replace(field: Any, values: Sequence[NodeProto | TensorProto]) -> None:
-    """Puts values into a repeated field of a message; some of them may be in it now."""
-    copies: list[Any] = []
-    for value in values:
-        copies.append(type(value)())
-        copies[-1].CopyFrom(value)
-    del field[:]
-    field.extend(copies)
 
 
 def quantize(graph: Path) -> None:

@@ -146,7 +146,23 @@ def _figure(motion: Motion, animation: Animation) -> Motion:
 def _of_data_set(name: str, engine: Engine, animation: Animation) -> Animation:
     """Returns an animation of HumanML3D's joints on the skeleton of a data set."""
     if engine.along_x:
-        animation = rebased(animation, _axes_along_x(animation.skeleton))
+        # LAFAN1's axes of our joints in a T-pose: bones lie along x and bend about z, which is left
+        # in the trunk, right in the legs, and along the vertical in the arms.
+        axes, old = np.zeros((len(animation.skeleton), 3, 3)), animation.skeleton
+        for joint, name_of_joint in enumerate(old.names):
+            side, _, part = name_of_joint.partition("_")
+            sign = 1.0 if side == "left" else -1.0
+            along, about = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+            if part in ("hip", "knee", "ankle", "foot"):
+                along = np.array([0.0, 0.0, 1.0] if part == "foot" else [0.0, -1.0, 0.0])
+                about = -about
+            elif part:
+                along, about = sign * about, sign * along
+            below = old.children(joint)
+            x = unit(old.offsets[below[0]] if len(below) == 1 else along)
+            z = unit(about - x * (x @ about))
+            axes[joint] = np.stack([x, np.cross(z, x), z], axis=-1)
+        animation = rebased(animation, axes)
     ours, names = HUMANML3D.names.index, [joint for joint, _, _ in engine.tree]
     parents = [names.index(parent) if parent else -1 for _, parent, _ in engine.tree]
     offsets = np.zeros((len(names), 3))
@@ -157,28 +173,6 @@ def _of_data_set(name: str, engine: Engine, animation: Animation) -> Animation:
             rotations[:, row] = animation.rotations[:, ours(joint)]
     skeleton = Skeleton(name, tuple(names), tuple(parents), offsets)
     return Animation(skeleton, rotations, animation.root_positions, animation.fps)
-
-
-def _axes_along_x(skeleton: Skeleton) -> Float[np.ndarray, "joints 3 3"]:
-    """Returns LAFAN1's axes of our joints in a T-pose, in the columns.
-
-    Bones lie along x, and bend about z, which is left in the trunk, right in the legs, and along
-    the vertical in the arms.
-    """
-    axes = np.zeros((len(skeleton), 3, 3))
-    for joint, name in enumerate(skeleton.names):
-        side, _, part = name.partition("_")
-        sign = 1.0 if side == "left" else -1.0
-        along, about = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
-        if part in ("hip", "knee", "ankle", "foot"):
-            along, about = ((0.0, 0.0, 1.0) if part == "foot" else (0.0, -1.0, 0.0)), (-1.0, 0, 0)
-        elif part:
-            along, about = (sign, 0.0, 0.0), (0.0, sign, 0.0)
-        below = skeleton.children(joint)
-        x = unit(skeleton.offsets[below[0]] if len(below) == 1 else np.array(along))
-        z = unit(np.array(about) - x * (x @ np.array(about)))
-        axes[joint] = np.stack([x, np.cross(z, x), z], axis=-1)
-    return axes
 
 
 def mannequin_of(skeleton: Skeleton) -> Mannequin:

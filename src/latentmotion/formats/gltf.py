@@ -7,7 +7,7 @@ Source: Khronos glTF 2.0 specification, https://registry.khronos.org/glTF/specs/
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +75,18 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = Tru
     document = Document({"asset": {"version": "2.0", "generator": "latentmotion"}, "scene": 0})
     figure = [0, len(skeleton)] if mesh else [0]
     nodes += [{"name": "mannequin", "mesh": 0, "skin": 0}] if mesh else []
-    objects = [*_objects(motions)] if mesh else []
+    objects: list[dict[str, Any]] = []  # without meshes, at the middle of their tops
+    for number, motion in enumerate(motions if mesh else [], 1):
+        for part in motion.objects:
+            turn = np.radians(part.degrees) / 2
+            objects.append(
+                {
+                    "name": part.name if len(motions) == 1 else f"{number}: {part.name}",
+                    "translation": [part.place[0], part.height, part.place[1]],
+                    "rotation": [0.0, float(np.sin(turn)), 0.0, float(np.cos(turn))],
+                    "extras": part.about(),
+                }
+            )
     # One skin and one mesh for all takes: programs list the animations of one figure.
     document.json |= {
         "scenes": [{"nodes": [*figure, *range(len(nodes), len(nodes) + len(objects))]}],
@@ -87,19 +98,6 @@ def make_document(motions: Sequence[Motion], miss: float = 0.0, mesh: bool = Tru
         ],
     }
     return document
-
-
-def _objects(motions: Sequence[Motion]) -> Iterator[dict[str, Any]]:
-    """Yields a node without a mesh for each object that a take needs, at the middle of its top."""
-    for number, motion in enumerate(motions, 1):
-        for part in motion.objects:
-            turn = np.radians(part.degrees) / 2
-            yield {
-                "name": part.name if len(motions) == 1 else f"{number}: {part.name}",
-                "translation": [part.place[0], part.height, part.place[1]],
-                "rotation": [0.0, float(np.sin(turn)), 0.0, float(np.cos(turn))],
-                "extras": part.about(),
-            }
 
 
 def _standing(skeleton: Skeleton) -> Float[np.ndarray, " 3"]:

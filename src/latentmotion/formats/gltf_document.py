@@ -70,7 +70,21 @@ class Document:
         """
         source = Path(path)
         content = reading.read_bytes(source)
-        text, chunk = _chunks(source, content) if content[:4] == b"glTF" else (content, None)
+        text, chunk = content, None
+        if content[:4] == b"glTF":  # in binary, the JSON and the buffer are chunks
+            version, length = struct.unpack("<II", content[4:12].ljust(8, b"\0"))
+            if version != 2:
+                problem = f"glTF of version {version}, expected 2; convert it first"
+                raise FileFormatError(source, problem)
+            if len(content) < length or length < 20:
+                problem = f"found {len(content)} of {length} bytes: it is truncated"
+                raise FileFormatError(source, problem)
+            chunks, at = {}, 12
+            while at + 8 <= length:
+                size, kind = struct.unpack("<I4s", content[at : at + 8])
+                chunks.setdefault(kind, content[at + 8 : at + 8 + size])
+                at += 8 + size
+            text, chunk = chunks.get(b"JSON", b""), chunks.get(b"BIN\0")
         parsed = reading.parse_json(text, source)
         asset = parsed.get("asset") if isinstance(parsed, dict) else None
         version = str(asset.get("version") if isinstance(asset, dict) else None)
@@ -288,21 +302,6 @@ class Document:
         inner = np.zeros(shape[1:], dtype).strides
         rows = np.ndarray(shape, dtype, self.binary, start + offset, (stride, *inner))
         return rows.copy()
-
-
-def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes | None]:
-    """Returns the JSON of a `.glb` and its buffer, if it has one."""
-    version, length = struct.unpack("<II", content[4:12].ljust(8, b"\0"))
-    if version != 2:
-        raise FileFormatError(path, f"glTF of version {version}, expected 2; convert it first")
-    if len(content) < length or length < 20:
-        raise FileFormatError(path, f"found {len(content)} of {length} bytes: it is truncated")
-    chunks, at = {}, 12
-    while at + 8 <= length:
-        size, kind = struct.unpack("<I4s", content[at : at + 8])
-        chunks.setdefault(kind, content[at + 8 : at + 8 + size])
-        at += 8 + size
-    return chunks.get(b"JSON", b""), chunks.get(b"BIN\0")
 
 
 def _reason(error: Exception) -> str:

@@ -101,7 +101,19 @@ def read_keypoints(
         raise InputError(f"up is {stated.up!r}: expected {', '.join(AXES)}")
     with blamed_on(path), blamed_on(path, ValueError, TypeError, problem="no keypoints: {error}"):
         if path.is_dir():
-            values = _folder(path)
+            # What trackers write for each frame.
+            files = sorted(file for file in path.iterdir() if file.suffix.lower() == ".json")
+            if not files:
+                problem = "expected a folder of .json, one for each frame; found none"
+                raise FileFormatError(path, problem)
+            if len(files) > MOST_FRAMES:
+                raise FileFormatError(path, f"more than {MOST_FRAMES:,} frames")
+            frames = [list(_people(read_json_file(file))) for file in files]
+            for file, people in zip(files, frames, strict=True):
+                if len(people) != 1:
+                    problem = f"found {len(people)} frames, expected one in each file"
+                    raise FileFormatError(file, problem)
+            values = _of_people([people for (people,) in frames])
         elif ending == ".npz":
             _check_keys(path, names_in(path))
             values = read_arrays(path, _KEYS)
@@ -131,7 +143,16 @@ def _keypoints(
     fps = stated.fps if stated.fps is not None else values.get("fps")
     if fps is None:
         raise InputError("does not say how many frames a second has; give it with --fps")
-    names = _names(stated.names or values.get("names"), points)
+    # From a list, the name of a layout, or their number.
+    about_names = stated.names or values.get("names")
+    if about_names is None:
+        names = keypoints.layout_of(points.shape[1], points.shape[2])
+    elif (named := np.asarray(about_names)).ndim:
+        names = tuple(str(name) for name in named.ravel())
+    elif (layout := str(named)) in keypoints.LAYOUTS:
+        names = keypoints.LAYOUTS[layout]
+    else:
+        raise InputError(f"unknown layout {layout!r}: {hint(layout, keypoints.LAYOUTS)}")
     notes: list[str] = []
     if confidence is None:
         confidence = np.ones(points.shape[:2])
@@ -179,35 +200,6 @@ def _upright(
         guesses += about_up
     notes = [f"a guess: {', '.join(guesses)}"] if guesses else []
     return meters * points @ AXES[up], notes
-
-
-def _names(stated: Any, points: np.ndarray) -> tuple[str, ...]:
-    """Returns the names of the keypoints, from a list, the name of a layout, or their number."""
-    if stated is None:
-        return keypoints.layout_of(points.shape[1], points.shape[2])
-    values = np.asarray(stated)
-    if values.ndim == 0:
-        layout = str(values)
-        if layout not in keypoints.LAYOUTS:
-            raise InputError(f"unknown layout {layout!r}: {hint(layout, keypoints.LAYOUTS)}")
-        return keypoints.LAYOUTS[layout]
-    return tuple(str(name) for name in values.ravel())
-
-
-def _folder(path: Path) -> dict[str, Any]:
-    """Reads a folder of what trackers write for each frame."""
-    files = sorted(file for file in path.iterdir() if file.suffix.lower() == ".json")
-    if not files:
-        raise FileFormatError(path, "expected a folder of .json, one for each frame; found none")
-    if len(files) > MOST_FRAMES:
-        raise FileFormatError(path, f"more than {MOST_FRAMES:,} frames")
-    frames = []
-    for file in files:
-        people = list(_people(read_json_file(file)))
-        if len(people) > 1 or not people:
-            raise FileFormatError(file, f"found {len(people)} frames, expected one in each file")
-        frames += people
-    return _of_people(frames)
 
 
 def _people(data: Any) -> Iterator[Sequence[Any]]:
@@ -279,21 +271,15 @@ def _json(path: Path) -> dict[str, Any]:
     present = (point for frame in points for point in frame if point)
     width = next((len(point) for point in present if isinstance(point, list)), 0)
     blank = [np.nan] * width
+    numeric = int, float, type(None)  # and no bool, which is an int, too
     for number, frame in enumerate(points):
         for point in frame:
-            if point is not None and not (isinstance(point, list) and len(point) == width):
+            fits = isinstance(point, list) and len(point) == width
+            if point is not None and not (fits and all(type(value) in numeric for value in point)):
                 problem = f"frame {number}: found {point!r:.60}, expected {width} numbers or null"
                 raise FileFormatError(path, problem)
-    filled = [[[_number(v) for v in point or blank] for point in frame] for frame in points]
-    return {**data, "points": filled}
-
-
-def _number(value: Any) -> float:
-    if value is None:
-        return np.nan
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"found {value!r:.60}, expected a number or null")
-    return float(value)
+    filled = [[point or blank for point in frame] for frame in points]
+    return {**data, "points": np.array(filled, np.float64)}  # null is NaN
 
 
 def _check_keys(path: Path, keys: Sequence[str] | Mapping[str, Any]) -> None:
@@ -314,12 +300,16 @@ def _csv(path: Path) -> dict[str, Any]:
     columns: dict[str, dict[str, int]] = {}  # keypoint → x, y, z, score → column
     clock, counter, extra = None, None, []
     for number, column in enumerate(header):
-        name, part = _column_of(column)
+        # A keypoint and `x`, `y`, `z` or a score, of `nose_x`, `nose.x` or `x0`.
+        plain = re.fullmatch(r"([xyzv])_?(\d+)", column.lower())
+        words = [*re.split(r"[_.](?=[^_.]+$)", column), ""]
+        name, part = (plain[2], plain[1]) if plain else (words[0], words[1].lower())
+        part = "score" if part in _SCORES else part
         if column.lower() in _SECONDS and clock is None:
             clock = number
         elif column.lower() in _COUNTERS:
             counter = number
-        elif part:
+        elif part == "score" or (part in _AXES and name):
             columns.setdefault(name, {})[part] = number
         else:
             extra.append(column)
@@ -354,16 +344,6 @@ def _csv(path: Path) -> dict[str, Any]:
         "fps": fps,
         **({} if numbered else {"names": list(columns)}),
     }
-
-
-def _column_of(column: str) -> tuple[str, str]:
-    """Returns a keypoint and `x`, `y`, `z` or `score`, of `nose_x`, `nose.x` or `x0`."""
-    plain = re.fullmatch(r"([xyzv])_?(\d+)", column.lower())
-    words = [*re.split(r"[_.](?=[^_.]+$)", column), ""]
-    name, part = (plain[2], plain[1]) if plain else (words[0], words[1].lower())
-    if part in _SCORES:
-        return name, "score"
-    return (name, part) if part in _AXES and name else (column, "")
 
 
 def _evenly(

@@ -305,7 +305,26 @@ def read(path: str | Path) -> list[SkeletonTake]:
         )
     tracks.sort(key=lambda track: -len(track.frames))
     least = _SHORTEST * len(tracks[0].frames)
-    return [_take(path, track) for track in tracks if len(track.frames) >= least]
+    takes = []
+    for track in (track for track in tracks if len(track.frames) >= least):
+        rotations, trans, frames = track.rotations, track.trans, track.frames
+        whole = np.arange(frames[0], frames[-1] + 1)
+        if len(whole) > limits.MOST_FRAMES:
+            raise FileFormatError(path, f"a person of more than {limits.MOST_FRAMES:,} frames")
+        if lacking := len(whole) - len(frames):  # frames in which the person was not seen
+            problem = f"{lacking} of {len(whole)} frames in which a person was not seen"
+            warnings.warn(f"{path}: {problem} are filled in", ReadingWarning, stacklevel=2)
+            after = np.searchsorted(frames, whole)
+            before = np.maximum(after - (frames[after] != whole), 0)
+            share = (whole - frames[before]) / np.maximum(frames[after] - frames[before], 1)
+            ends = quaternion_from_matrix(rotations)
+            rotations = matrix_from_quaternion(slerp(ends[before], ends[after], share[:, None]))
+            if trans is not None:
+                trans = trans[before] + share[:, None] * (trans[after] - trans[before])
+        root = np.zeros((len(rotations), 3)) if trans is None else trans + PELVIS
+        animation = Animation(smpl_body(_JOINTS), rotations, root, _FPS)
+        takes.append(SkeletonTake(animation, from_video=True, path_is_missing=trans is None))
+    return takes
 
 
 def _persons(content: Any) -> Iterator[Mapping[str, Any]]:
@@ -382,7 +401,16 @@ def _track(person: Mapping[str, Any], path: Path) -> PersonTrack:
         parts = [person["global_orient"], person["body_pose"]]
     elif parts[0] is None:
         parts = [person["pose"]]
-    rotations = np.concatenate([_matrices(part) for part in parts], axis=1)
+    arrays = [np.asarray(part, np.float64) for part in parts]
+    if not all((np.abs(array) < limits.MOST_NUMBER).all() for array in arrays):
+        raise ValueError("numbers that are not finite")
+    matrices = [
+        array.reshape(len(array), -1, 3, 3)
+        if array.ndim >= 4 and array.shape[-2:] == (3, 3)
+        else matrix_from_axis_angle(array.reshape(len(array), -1, 3))
+        for array in arrays
+    ]
+    rotations = np.concatenate(matrices, axis=1)
     if len(rotations) > limits.MOST_FRAMES or rotations.shape[1] < _JOINTS:
         raise ValueError(f"poses of the shape {rotations.shape}")
     ids = value("frame_ids", "frame_id", "frame")
@@ -391,20 +419,17 @@ def _track(person: Mapping[str, Any], path: Path) -> PersonTrack:
     if len(frames) != len(rotations) or not len(frames):
         raise ValueError(f"{len(frames)} numbers of frames for {len(rotations)} poses")
     rotations, trans = rotations[:, :_JOINTS].copy(), _translation(person, len(rotations))
-    if "pred_rotmat" in person:
-        rotations, trans = _in_world(rotations, person["pred_trans"], frames, path)
+    folder = path.absolute().parent
+    camera_file = folder.parent / _CAMERA
+    if "pred_rotmat" in person and folder.name == _PERSONS and camera_file.is_file():  # TRAM's
+        camera = _plain(tensor_pickles.load(camera_file))
+        turn = np.asarray(camera["world_cam_R"], np.float64)[frames]
+        shift = np.asarray(camera["world_cam_T"], np.float64)[frames]
+        trans = np.asarray(person["pred_trans"], np.float64).reshape(-1, 3)
+        rotations[:, 0] = turn @ rotations[:, 0]
+        trans = np.einsum("tab,tb->ta", turn, trans + PELVIS) + shift - PELVIS
     frames, order = np.unique(frames, return_index=True)
     return PersonTrack(rotations[order], None if trans is None else trans[order], frames)
-
-
-def _matrices(value: Any) -> Float[np.ndarray, "frames joints 3 3"]:
-    """Returns rotations that are kept as matrices or rotation vectors."""
-    array = np.asarray(value, np.float64)
-    if not (np.abs(array) < limits.MOST_NUMBER).all():
-        raise ValueError("numbers that are not finite")
-    if array.ndim >= 4 and array.shape[-2:] == (3, 3):
-        return array.reshape(len(array), -1, 3, 3)
-    return matrix_from_axis_angle(array.reshape(len(array), -1, 3))
 
 
 def _translation(person: Mapping[str, Any], count: int) -> Float[np.ndarray, "frames 3"] | None:
@@ -424,45 +449,3 @@ def _translation(person: Mapping[str, Any], count: int) -> Float[np.ndarray, "fr
     if len(trans) != count or not (np.abs(trans) < limits.MOST_NUMBER).all():
         raise ValueError(f"a path of the shape {trans.shape} for {count} poses")
     return trans
-
-
-def _in_world(
-    rotations: Float[np.ndarray, "frames joints 3 3"],
-    trans: Any,
-    frames: Int[np.ndarray, " frames"],
-    path: Path,
-) -> tuple[Float[np.ndarray, "frames joints 3 3"], Float[np.ndarray, "frames 3"] | None]:
-    """Returns TRAM's poses in the world, if the file of its camera is at its place."""
-    folder = path.absolute().parent
-    file = folder.parent / _CAMERA
-    if folder.name != _PERSONS or not file.is_file():
-        return rotations, None
-    camera = _plain(tensor_pickles.load(file))
-    turn = np.asarray(camera["world_cam_R"], np.float64)[frames]
-    shift = np.asarray(camera["world_cam_T"], np.float64)[frames]
-    trans = np.asarray(trans, np.float64).reshape(-1, 3)
-    rotations[:, 0] = turn @ rotations[:, 0]
-    return rotations, np.einsum("tab,tb->ta", turn, trans + PELVIS) + shift - PELVIS
-
-
-def _take(path: str | Path, track: PersonTrack) -> SkeletonTake:
-    """Returns a take, frames filled in where the person was not seen."""
-    rotations, trans, frames = track.rotations, track.trans, track.frames
-    whole = np.arange(frames[0], frames[-1] + 1)
-    if len(whole) > limits.MOST_FRAMES:
-        raise FileFormatError(path, f"a person of more than {limits.MOST_FRAMES:,} frames")
-    if len(whole) > len(frames):
-        lacking = (
-            f"{len(whole) - len(frames)} of {len(whole)} frames in which a person was not seen"
-        )
-        warnings.warn(f"{path}: {lacking} are filled in", ReadingWarning, stacklevel=2)
-        after = np.searchsorted(frames, whole)
-        before = np.maximum(after - (frames[after] != whole), 0)
-        share = (whole - frames[before]) / np.maximum(frames[after] - frames[before], 1)
-        ends = quaternion_from_matrix(rotations)
-        rotations = matrix_from_quaternion(slerp(ends[before], ends[after], share[:, None]))
-        if trans is not None:
-            trans = trans[before] + share[:, None] * (trans[after] - trans[before])
-    root = np.zeros((len(rotations), 3)) if trans is None else trans + PELVIS
-    animation = Animation(smpl_body(_JOINTS), rotations, root, _FPS)
-    return SkeletonTake(animation, from_video=True, path_is_missing=trans is None)

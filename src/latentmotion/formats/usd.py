@@ -26,9 +26,9 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError, MissingExtraError
-from latentmotion.formats.bones import BoneAxes, bone_axes
+from latentmotion.formats.bones import bone_axes
 from latentmotion.kinematics.rotations import continuous_quaternions, quaternion_from_matrix
-from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
 from latentmotion.render.mannequin import ACCENT, GREY, Mannequin, make_mannequin
@@ -91,10 +91,31 @@ def make_stage(motions: Sequence[Motion]) -> Any:
     bones.CreateBindTransformsAttr(_transforms(axes.world, skeleton.rest_joints() + floor))
     _add_mannequin(stage, make_mannequin(skeleton), floor)
     for number, (motion, animation) in enumerate(zip(motions, animations, strict=True), 1):
-        take = _add_take(stage, number, motion, animation, paths, axes)
+        take = UsdSkel.Animation.Define(stage, f"{FIGURE}/take_{number}")
+        take.CreateJointsAttr(Vt.TokenArray(paths))
+        take.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1)] * len(paths)))
+        turns, moves = take.CreateRotationsAttr(), take.CreateTranslationsAttr()
+        quaternions = continuous_quaternions(
+            quaternion_from_matrix(axes.rotations(animation.rotations))
+        )
+        # UsdSkel's quaternions lie in memory as x, y, z, w.
+        quaternions = quaternions[..., [1, 2, 3, 0]].astype("f4")
+        steps = animation.translations
+        if steps is None:
+            steps = np.tile(animation.skeleton.offsets, (len(animation), 1, 1))
+        steps = np.concatenate([animation.root_positions[:, None], steps[:, 1:]], axis=1)
+        steps = axes.offsets(steps).astype("f4")
+        codes = (np.arange(len(animation)) * (fps / animation.fps)).tolist()
+        for code, rotation, step in zip(codes, quaternions, steps, strict=True):
+            turns.Set(Vt.QuatfArray.FromNumpy(np.ascontiguousarray(rotation)), code)
+            moves.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(step)), code)
+        notes = {"caption": motion.caption, "fps": motion.fps, **motion.metadata}
+        prim = take.GetPrim()
+        prim.SetCustomDataByKey(NOTES, json.dumps(notes, ensure_ascii=False))
+        prim.SetDisplayName(motion.caption or f"take {number}")
         if number == 1:
             binding = UsdSkel.BindingAPI.Apply(bones.GetPrim())
-            binding.CreateAnimationSourceRel().SetTargets([take.GetPath()])
+            binding.CreateAnimationSourceRel().SetTargets([prim.GetPath()])
     # The extent over all takes, so that viewers need not skin the figure to know it.
     low, high = _corners(np.concatenate([a.joints().reshape(-1, 3) for a in animations]))
     corners = [Gf.Vec3f(*corner.tolist()) for corner in (low - 0.25, high + 0.25)]
@@ -152,38 +173,6 @@ def _add_mannequin(stage: Any, mannequin: Mannequin, floor: Float[np.ndarray, " 
             mesh, name, UsdGeom.Tokens.face, Vt.IntArray(faces.tolist()), "materialBind"
         )
         UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(material)
-
-
-def _add_take(
-    stage: Any,
-    number: int,
-    motion: Motion,
-    animation: Animation,
-    paths: Sequence[str],
-    axes: BoneAxes,
-) -> Any:
-    take = UsdSkel.Animation.Define(stage, f"{FIGURE}/take_{number}")
-    take.CreateJointsAttr(Vt.TokenArray(paths))
-    take.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1)] * len(paths)))
-    rotations, translations = take.CreateRotationsAttr(), take.CreateTranslationsAttr()
-    quaternions = continuous_quaternions(
-        quaternion_from_matrix(axes.rotations(animation.rotations))
-    )
-    # UsdSkel's quaternions lie in memory as x, y, z, w.
-    quaternions = quaternions[..., [1, 2, 3, 0]].astype("f4")
-    offsets = animation.translations
-    if offsets is None:
-        offsets = np.tile(animation.skeleton.offsets, (len(animation), 1, 1))
-    offsets = np.concatenate([animation.root_positions[:, None], offsets[:, 1:]], axis=1)
-    offsets = axes.offsets(offsets).astype("f4")
-    codes = np.arange(len(animation)) * (stage.GetTimeCodesPerSecond() / animation.fps)
-    for code, rotation, offset in zip(codes.tolist(), quaternions, offsets, strict=True):
-        rotations.Set(Vt.QuatfArray.FromNumpy(np.ascontiguousarray(rotation)), code)
-        translations.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(offset)), code)
-    notes = {"caption": motion.caption, "fps": motion.fps, **motion.metadata}
-    take.GetPrim().SetCustomDataByKey(NOTES, json.dumps(notes, ensure_ascii=False))
-    take.GetPrim().SetDisplayName(motion.caption or f"take {number}")
-    return take.GetPrim()
 
 
 def _corners(points: Float[np.ndarray, "points 3"]) -> tuple[np.ndarray, np.ndarray]:

@@ -47,7 +47,26 @@ def main() -> None:
             np.errstate(all="ignore"),
             reading.blamed_on(source),
         ):  # results are checked to be finite
-            arrays = _arrays(_Figure(source))
+            figure, frames = _Figure(source), 0
+            skeleton = figure.skeleton
+            arrays: dict[str, Any] = {
+                "names": np.array(skeleton.names, dtype=np.str_),
+                "parents": np.array(skeleton.parents),
+                "offsets": skeleton.offsets,
+                "takes": np.array(len(figure.takes)),
+            }
+            for number, take in enumerate(figure.takes):
+                animation = checks.checked_animation(source, figure.animation(take, frames))
+                frames += len(animation)
+                text = None if take is None else take.GetPrim().GetCustomDataByKey(_NOTES)
+                arrays |= {
+                    f"rotations_{number}": animation.rotations,
+                    f"root_{number}": animation.root_positions,
+                    f"fps_{number}": np.array(animation.fps),
+                    f"notes_{number}": np.array(text if isinstance(text, str) else "{}"),
+                }
+                if animation.translations is not None:
+                    arrays[f"translations_{number}"] = animation.translations
     except LatentMotionError as error:
         print(str(error).removeprefix(f"{source}: "))
         sys.exit(usd_reader.REFUSED)
@@ -60,31 +79,6 @@ def main() -> None:
     except OSError as error:
         print(error.strerror or error)
         sys.exit(usd_reader.UNWRITTEN)
-
-
-def _arrays(figure: _Figure) -> dict[str, Any]:
-    """Returns skeleton and animations as plain arrays."""
-    skeleton = figure.skeleton
-    arrays: dict[str, Any] = {
-        "names": np.array(skeleton.names, dtype=np.str_),
-        "parents": np.array(skeleton.parents),
-        "offsets": skeleton.offsets,
-        "takes": np.array(len(figure.takes)),
-    }
-    frames = 0
-    for number, take in enumerate(figure.takes):
-        animation = checks.checked_animation(figure.path, figure.animation(take, frames))
-        frames += len(animation)
-        text = None if take is None else take.GetPrim().GetCustomDataByKey(_NOTES)
-        arrays |= {
-            f"rotations_{number}": animation.rotations,
-            f"root_{number}": animation.root_positions,
-            f"fps_{number}": np.array(animation.fps),
-            f"notes_{number}": np.array(text if isinstance(text, str) else "{}"),
-        }
-        if animation.translations is not None:
-            arrays[f"translations_{number}"] = animation.translations
-    return arrays
 
 
 class _Figure:
@@ -123,7 +117,17 @@ class _Figure:
         axes[:3, :3] = up * UsdGeom.GetStageMetersPerUnit(self.stage)
         above = UsdGeom.XformCache().GetLocalToWorldTransform(bones.GetPrim())
         self.above = axes @ _columns(above)
-        self.local = self._rest(bones)
+        # The rest pose relative to the parents; from the bind pose where there is none.
+        stored = bones.GetRestTransformsAttr().Get()
+        if stored is not None and len(stored) == len(self.joints):
+            self.local = np.stack([_columns(matrix) for matrix in stored])
+        else:
+            bind = bones.GetBindTransformsAttr().Get()
+            if bind is None or len(bind) != len(self.joints):
+                raise FileFormatError(path, "its skeleton has neither a rest nor a bind pose")
+            world = np.stack([_columns(matrix) for matrix in bind])
+            parents = np.stack([np.eye(4) if p < 0 else world[p] for p in self.parents])
+            self.local = np.linalg.inv(parents) @ world
         rest = self._pose(*(values[None] for values in _decomposed(self.local)))
         self.rest = bone_poses.WorldPose(rest.positions[0], rest.rotations[0])
         names = [joint.rpartition("/")[2] for joint in self.joints]
@@ -182,18 +186,6 @@ class _Figure:
         """Returns the joints of an animation that are joints of the skeleton."""
         names = [str(joint) for joint in take.GetJointsAttr().Get() or ()]
         return [name for name in names if name in self.joints]
-
-    def _rest(self, bones: Any) -> Float[np.ndarray, "joints 4 4"]:
-        """Returns the rest pose relative to the parents; from the bind pose where there is none."""
-        rest = bones.GetRestTransformsAttr().Get()
-        if rest is not None and len(rest) == len(self.joints):
-            return np.stack([_columns(matrix) for matrix in rest])
-        bind = bones.GetBindTransformsAttr().Get()
-        if bind is None or len(bind) != len(self.joints):
-            raise FileFormatError(self.path, "its skeleton has neither a rest nor a bind pose")
-        world = np.stack([_columns(matrix) for matrix in bind])
-        above = [np.eye(4) if p < 0 else world[p] for p in self.parents]
-        return np.linalg.inv(np.stack(above)) @ world
 
 
 def _columns(matrix: Any) -> Float[np.ndarray, "4 4"]:

@@ -12,8 +12,6 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
-import numpy as np
-
 from latentmotion.errors import (
     DiskFullError,
     FileFormatError,
@@ -39,23 +37,7 @@ def read_takes(path: str | Path) -> list[SkeletonTake]:
     Raises:
         FileFormatError: The file is damaged, or has no skeleton.
     """
-    arrays, takes = _arrays(Path(path)), []
-    names, parents = tuple(map(str, arrays["names"])), tuple(arrays["parents"].tolist())
-    skeleton = Skeleton(Path(path).stem, names, parents, arrays["offsets"])
-    for number in range(int(arrays["takes"])):
-        root, fps = arrays[f"root_{number}"], float(arrays[f"fps_{number}"])
-        moves = arrays.get(f"translations_{number}")
-        animation = Animation(skeleton, arrays[f"rotations_{number}"], root, fps, moves)
-        try:
-            notes = reading.parse_json(str(arrays[f"notes_{number}"]), path)
-        except LatentMotionError:  # another program's
-            notes = {}
-        takes.append(SkeletonTake(animation, notes if isinstance(notes, dict) else {}))
-    return takes
-
-
-def _arrays(path: Path) -> dict[str, np.ndarray]:
-    """Runs the program that reads the file."""
+    path, arrays, takes = Path(path), {}, []
     if find_spec("pxr") is None:
         raise MissingExtraError("USD", "usd-core", "usd")
     try:
@@ -69,26 +51,37 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
                 check=False,
             )
             if not done.returncode:
-                return array_files.read_arrays(target, lambda name: True)
+                arrays = array_files.read_arrays(target, lambda name: True)
     except subprocess.TimeoutExpired as error:
         raise FileFormatError(path, f"not read in {2 * limits.USD_SECONDS} s; damaged?") from error
     except OSError as error:
         raise _no_room(path, error.strerror or str(error)) from error
-    if done.returncode in (REFUSED, UNWRITTEN):
-        problem = _last_line(path, done.stdout)
-        raise (
-            FileFormatError(path, problem)
-            if done.returncode == REFUSED
-            else _no_room(path, problem)
-        )
     last = _last_line(path, done.stderr)
+    if done.returncode == REFUSED:
+        raise FileFormatError(path, _last_line(path, done.stdout))
+    if done.returncode == UNWRITTEN:
+        raise _no_room(path, _last_line(path, done.stdout))
     if done.returncode < 0:  # a signal
         problem = f"USD's library ended with {done.returncode} ({last})"
         raise FileFormatError(path, f"{problem}; the file is damaged, or too large")
-    raise InputError(
-        f"{path}: not read, as the program that reads USD does not work here ({last}); this says "
-        'nothing of the file: check `ulimit -v`, or run pip install "latentmotion[usd]" again'
-    )
+    if done.returncode:
+        raise InputError(
+            f"{path}: not read, as the program that reads USD does not work here ({last}); this "
+            "says nothing of the file: check `ulimit -v`, or run pip install "
+            '"latentmotion[usd]" again'
+        )
+    names, parents = tuple(map(str, arrays["names"])), tuple(arrays["parents"].tolist())
+    skeleton = Skeleton(path.stem, names, parents, arrays["offsets"])
+    for number in range(int(arrays["takes"])):
+        root, fps = arrays[f"root_{number}"], float(arrays[f"fps_{number}"])
+        moves = arrays.get(f"translations_{number}")
+        animation = Animation(skeleton, arrays[f"rotations_{number}"], root, fps, moves)
+        try:
+            notes = reading.parse_json(str(arrays[f"notes_{number}"]), path)
+        except LatentMotionError:  # another program's
+            notes = {}
+        takes.append(SkeletonTake(animation, notes if isinstance(notes, dict) else {}))
+    return takes
 
 
 def _last_line(path: Path, output: bytes) -> str:

@@ -86,8 +86,18 @@ def write(
         )
     if not is_gif:
         check_ready(".mp4")
-        with atomic_file(path) as temporary:
-            _write_mp4(temporary, frames(motions, size, view, figure), motions[0].fps)
+        import av
+
+        rate, stream = Fraction(motions[0].fps).limit_denominator(1000), None
+        with atomic_file(path) as temporary, av.open(str(temporary), "w", format="mp4") as film:
+            for picture in frames(motions, size, view, figure):
+                if stream is None:
+                    stream = film.add_stream("libx264", rate=rate, options=_X264)
+                    stream.width, stream.height = picture.width // 2 * 2, picture.height // 2 * 2
+                    stream.pix_fmt = "yuv420p"
+                film.mux(stream.encode(av.VideoFrame.from_image(picture)))
+            if stream is not None:
+                film.mux(stream.encode())
         return [Path(path)]
     fps = min(motions[0].fps, _GIF_FPS)
     pictures = frames([motion.resampled(fps) for motion in motions], size, view, figure)
@@ -184,19 +194,3 @@ def check_ready(ending: str) -> None:
     """Raises MissingExtraError where there is no PyAV for an .mp4; called before work begins."""
     if ending == ".mp4" and find_spec("av") is None:
         raise MissingExtraError("writing .mp4", "PyAV (av)", "video")
-
-
-def _write_mp4(path: Path, pictures: Iterator[Picture], fps: float) -> None:
-    import av
-
-    with av.open(str(path), "w", format="mp4") as container:
-        rate = Fraction(fps).limit_denominator(1000)
-        stream = None
-        for picture in pictures:
-            if stream is None:
-                stream = container.add_stream("libx264", rate=rate, options=_X264)
-                stream.width, stream.height = picture.width // 2 * 2, picture.height // 2 * 2
-                stream.pix_fmt = "yuv420p"
-            container.mux(stream.encode(av.VideoFrame.from_image(picture)))
-        if stream is not None:
-            container.mux(stream.encode())

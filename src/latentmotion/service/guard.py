@@ -10,6 +10,7 @@ import hashlib
 import time
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -143,8 +144,11 @@ class Guard:
         origin = headers.get("origin")
         # Browsers send the origin: pages of other sites must not use a service on their reader's
         # machine.
+        place = ""  # the host and port of the origin; "null" has none
+        with suppress(ValueError):
+            place = urlsplit(origin or "").netloc.lower()
         allowed = origin in settings.origins
-        if origin is not None and not allowed and _place(origin) != host.lower():
+        if origin is not None and not allowed and place != host.lower():
             allow = "start the service with --allow-origin to let them"
             raise Problem(403, f"pages of {origin[:100]!r} may not call this service; {allow}")
         if not settings.tokens or scope["path"] in self._open:
@@ -200,11 +204,3 @@ def _name(host: str) -> str:
         name, _, port = host[1:].partition("]")
         return name if not port or port.startswith(":") else host
     return host.partition(":")[0]
-
-
-def _place(origin: str) -> str:
-    """Returns the host and port of an Origin header; "null" has none."""
-    try:
-        return urlsplit(origin).netloc.lower()
-    except ValueError:
-        return ""

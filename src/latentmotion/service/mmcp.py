@@ -96,13 +96,14 @@ class TargetFigure:
     rig: Rig | None  # To retarget to; None for our own skeleton.
 
     @classmethod
-    def of(cls, skeleton: schemas.Skeleton) -> TargetFigure:
-        """Finds the joints of a request's skeleton.
+    @lru_cache(maxsize=16)  # a program asks for its character again and again
+    def of(cls, skeleton: str) -> TargetFigure:
+        """Finds the joints of a request's skeleton, in JSON.
 
         Raises:
             DataError: Its joints are unknown.
         """
-        file = RequestedRig.of(skeleton)
+        file = RequestedRig.of(schemas.Skeleton.model_validate_json(skeleton))
         if file.skeleton.names == HUMANML3D.names:
             return cls(file, find_humanoid(HUMANML3D), None)
         body = find_humanoid(file.skeleton)
@@ -205,7 +206,7 @@ class LatentMotionBackbone(Backbone):
         try:
             with warnings.catch_warnings(record=True) as doubts:
                 warnings.simplefilter("always")
-                stage = _figure(request.skeleton.model_dump_json())
+                stage = TargetFigure.of(request.skeleton.model_dump_json())
                 options = request.options or _OPTIONS
                 first = 0 if options.seed is None else options.seed
                 fps = request.fps(self.pipeline.representation.fps)
@@ -311,12 +312,6 @@ class LatentMotionBackbone(Backbone):
             for ours, joint in stage.body.joints.items()
             if determined[joint] and ours in HUMANML3D.names
         ]
-
-
-@lru_cache(maxsize=16)  # a program asks for its character again and again
-def _figure(skeleton: str) -> TargetFigure:
-    """Returns the figure of a skeleton in JSON."""
-    return TargetFigure.of(schemas.Skeleton.model_validate_json(skeleton))
 
 
 # Prompt of a request or a segment that has none.

@@ -69,12 +69,27 @@ class ClientStream:
 
     async def _listen(self) -> tuple[int, str]:
         """Reads the client's messages; returns the code and reason to close with."""
+        pipeline = self._service.pipeline
         while True:
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
                 return GOING, "the client has gone"
             try:
-                self._apply(StreamMessage.model_validate_json(message.get("text") or ""))
+                said = StreamMessage.model_validate_json(message.get("text") or "")
+                if said.prompt is not None:
+                    seconds = STRIDE * CALL / pipeline.representation.fps
+                    settings = BatchSettings(said.steps, said.guidance, None, False)
+                    check(pipeline, settings, [Prompt(said.prompt, seconds, said.seed)])
+                elif self._motion is None:
+                    raise InputError("the first message needs a prompt")
+                if self._motion is None:
+                    arguments = said.prompt, said.seed, said.steps, said.guidance
+                    self._motion = generate_stream(pipeline, *arguments)
+                elif said.prompt is not None:
+                    self._motion.say(said.prompt)
+                if said.ack is not None:
+                    self._acknowledged = max(self._acknowledged, min(said.ack, self._sent))
+                self._said.set()
             except ValidationError as error:
                 first = error.errors(include_url=False, include_input=False)[0]
                 location = ".".join(map(str, first["loc"])) or "message"
@@ -86,23 +101,6 @@ class ClientStream:
             if self._motion is None:
                 return POLICY, problem
             await self._send_json({"error": problem[:500]})
-
-    def _apply(self, message: StreamMessage) -> None:
-        pipeline = self._service.pipeline
-        if message.prompt is not None:
-            seconds = STRIDE * CALL / pipeline.representation.fps
-            settings = BatchSettings(message.steps, message.guidance, None, False)
-            check(pipeline, settings, [Prompt(message.prompt, seconds, message.seed)])
-        if self._motion is None:
-            if message.prompt is None:
-                raise InputError("the first message needs a prompt")
-            arguments = message.prompt, message.seed, message.steps, message.guidance
-            self._motion = generate_stream(pipeline, *arguments)
-        elif message.prompt is not None:
-            self._motion.say(message.prompt)
-        if message.ack is not None:
-            self._acknowledged = max(self._acknowledged, min(message.ack, self._sent))
-        self._said.set()
 
     async def _send(self) -> tuple[int, str]:
         """Sends pieces, a few ahead of what the client has acknowledged."""

@@ -11,7 +11,6 @@ from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -195,36 +194,36 @@ class FileWorkers:
                 process = await self._end(process)
             process, began = process or await self._start(), time.monotonic()
             async with asyncio.timeout(max(job.until for job in batch) - began):
-                answers = await _exchange(process, [(job.task, job.content) for job in batch])
+                assert process.stdin is not None and process.stdout is not None
+                tasks = [{**job.task, "size": len(job.content)} for job in batch]
+                process.stdin.write(json.dumps(tasks).encode() + b"\n")
+                process.stdin.writelines(job.content for job in batch)
+                await process.stdin.drain()
+                heads = json.loads(await process.stdout.readuntil(b"\n"))
+                files = [await process.stdout.readexactly(head["size"]) for head in heads]
         except (TimeoutError, OSError, asyncio.IncompleteReadError, ValueError) as error:
             if process is not None:
                 await self._end(process)
-            for job in batch:
-                self._retry(job, error)
+            times = f" {self._tries} times" if self._tries > 1 else ""
+            problem = f"the process that works on it ended{times}"
+            if late := isinstance(error, TimeoutError):
+                problem = "not done in time"
+            for job in [job for job in batch if not job.done.done()]:
+                job.ended += 1
+                if late or self._stopped or job.ended >= self._tries:
+                    job.done.set_exception(WorkerError(problem))
+                else:
+                    self._add(job)  # again, alone
             return None
         each = (time.monotonic() - began) / len(batch)
         self._seconds_each += 0.1 * (each - self._seconds_each)
-        for job, answer in zip(batch, answers, strict=True):
+        for job, head, file in zip(batch, heads, files, strict=True):
             if not job.done.done():
-                job.done.set_result(answer)
+                job.done.set_result((head, file))
         # Ended after a fixed number of tasks, so that leaks of libraries stay bounded.
         self._done[process.pid] = self._done.get(process.pid, 0) + len(batch)
         full = self._done[process.pid] >= _TASKS_OF_A_PROCESS
         return await self._end(process) if full else process
-
-    def _retry(self, job: _FileTask, error: Exception) -> None:
-        """Queues a task again after its process died, alone, up to a number of tries."""
-        if job.done.done():
-            return
-        job.ended += 1
-        if isinstance(error, TimeoutError):
-            job.done.set_exception(WorkerError("not done in time"))
-        elif self._stopped or job.ended >= self._tries:
-            times = f" {self._tries} times" if self._tries > 1 else ""
-            problem = f"the process that works on it ended{times}"
-            job.done.set_exception(WorkerError(problem))
-        else:
-            self._add(job)
 
     async def _start(self) -> Process:
         process = await asyncio.create_subprocess_exec(
@@ -262,27 +261,16 @@ def written(raw: Sequence[RawMotion], form: str, clean: bool, fps: float | None)
             "fps": item.motion.fps,
             "caption": item.motion.caption,
             "metadata": dict(item.motion.metadata),
-            "skeleton": _skeleton_json(item.motion.skeleton),
+            "skeleton": json.dumps(
+                {
+                    field.name: getattr(item.motion.skeleton, field.name)
+                    for field in fields(Skeleton)
+                }
+                | {"offsets": np.asarray(item.motion.skeleton.offsets).tolist()}
+            ),
             "corrections": to_json(item.corrections),
         }
         for item in raw
     ]
     content = b"".join(item.motion.joints.astype("<f4", copy=False).tobytes() for item in raw)
     return {"verb": "write", "motions": heads, "clean": clean, "fps": fps, "format": form}, content
-
-
-@lru_cache(maxsize=16)
-def _skeleton_json(skeleton: Skeleton) -> str:
-    """Returns a skeleton as JSON."""
-    values = {field.name: getattr(skeleton, field.name) for field in fields(skeleton)}
-    return json.dumps(values | {"offsets": np.asarray(skeleton.offsets).tolist()})
-
-
-async def _exchange(process: Process, batch: Sequence[Answer]) -> list[Answer]:
-    assert process.stdin is not None and process.stdout is not None
-    tasks = [{**task, "size": len(content)} for task, content in batch]
-    process.stdin.write(json.dumps(tasks).encode() + b"\n")
-    process.stdin.writelines(content for _, content in batch)
-    await process.stdin.drain()
-    heads = json.loads(await process.stdout.readuntil(b"\n"))
-    return [(head, await process.stdout.readexactly(head["size"])) for head in heads]

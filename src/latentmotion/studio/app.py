@@ -122,22 +122,6 @@ class CookieToken:
         await self.app(scope, receive, send)
 
 
-def session_routes() -> APIRouter:
-    """Returns the route that gives a browser its cookie."""
-    router = APIRouter()
-
-    @router.post("/session", status_code=204, response_class=Response)
-    async def opened(request: Request) -> Response:
-        """Let this browser in: the token of this request becomes a cookie of all its tabs."""
-        answer = Response(status_code=204)
-        token = request.headers.get("authorization", "").partition(" ")[2].strip()
-        age = {"max_age": COOKIE_SECONDS, "path": "/", "httponly": True}
-        answer.set_cookie(_cookie_name(request.headers), token, **age, samesite="strict")
-        return answer
-
-    return router
-
-
 def _cookie_name(headers: Headers) -> str:
     port = headers.get("host", "").rpartition(":")[2]
     return f"{COOKIE}-{port}" if port.isdecimal() else COOKIE
@@ -210,6 +194,15 @@ def _routes(
 
     router = APIRouter(lifespan=lifespan)
 
+    @router.post("/studio/v1/session", status_code=204, response_class=Response, tags=["studio"])
+    async def opened(request: Request) -> Response:
+        """Let this browser in: the token of this request becomes a cookie of all its tabs."""
+        answer = Response(status_code=204)
+        token = request.headers.get("authorization", "").partition(" ")[2].strip()
+        age = {"max_age": COOKIE_SECONDS, "path": "/", "httponly": True}
+        answer.set_cookie(_cookie_name(request.headers), token, **age, samesite="strict")
+        return answer
+
     page = files["index.html"]
     pages = {"/studio": page, "/studio/": page}
     policy = {"Content-Security-Policy": POLICY}  # of the page's workers, too
@@ -222,7 +215,6 @@ def _routes(
         takes.transfer_routes(service, library),
         projects.character_routes(service, library),
         projects.routes(library),
-        session_routes(),
         takes.model_routes(library, offered),
     ):
         router.include_router(routes, prefix="/studio/v1", tags=["studio"])

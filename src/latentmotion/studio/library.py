@@ -22,7 +22,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
-from functools import lru_cache
 from math import inf
 from pathlib import Path
 from threading import RLock
@@ -527,7 +526,7 @@ class Library:
                 tuple(_parsed(row["tags"], list)),
                 bool(row["star"]),
                 bool(row["deleted"]),
-                _edits(row["edits"]),
+                configuration.from_json(Edits, _parsed(row["edits"], dict)),
                 _parsed(row["goals"], list) if row["goals"] else None,
                 not self._motion_file(digest).is_file(),
             )
@@ -594,12 +593,6 @@ def _parsed(text: str, kind: type[P]) -> P:
     if not isinstance(value, kind):
         raise FileFormatError("library.sqlite3", f"found {value!r:.40}, expected a {kind.__name__}")
     return value
-
-
-@lru_cache(1024)
-def _edits(text: str) -> Edits:
-    """Returns edits as the database holds them; most takes have the same."""
-    return configuration.from_json(Edits, _parsed(text, dict))
 
 
 def _row(take: StoredTake) -> tuple[Any, ...]:

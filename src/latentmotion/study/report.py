@@ -237,43 +237,41 @@ def report(votes: Sequence[Vote], key: StudyKey) -> StudyReport:
     by_rater: dict[str, list[Vote]] = defaultdict(list)
     for vote in votes:
         by_rater[vote.rater].append(vote)
+    preferences = []
+    for name, text in key.questions.items():
+        answers = [vote for vote in votes if vote.question == name]
+        n, for_a = len(answers), sum(vote.model == "A" for vote in answers)
+        by_pair: dict[str, list[Model]] = defaultdict(list)
+        for vote in answers:
+            by_pair[vote.pair].append(vote.model)
+        # By how many of its raters' answers A is ahead in each pair.
+        ahead = [2 * models.count("A") - len(models) for models in by_pair.values()]
+        a_won, b_won = sum(lead > 0 for lead in ahead), sum(lead < 0 for lead in ahead)
+        preferences.append(
+            Preference(
+                question=text,
+                answers=n,
+                for_a=for_a,
+                share_of_a=for_a / n if n else None,
+                interval=wilson(for_a, n),
+                p_answers=sign_test(for_a, n),
+                pairs=(a_won, b_won, ahead.count(0)),
+                p_pairs=sign_test(a_won, a_won + b_won),
+                agreement=observed_agreement(by_pair.values()),
+                alpha=krippendorff(by_pair.values()),
+                left=sum(vote.side == "left" for vote in answers) / n if n else None,
+            )
+        )
     return StudyReport(
         study=key.study,
         a=key.a,
         b=key.b,
         pairs=len(key.pairs),
-        preferences=tuple(
-            _preference(text, [v for v in votes if v.question == name])
-            for name, text in key.questions.items()
-        ),
+        preferences=tuple(preferences),
         raters=tuple(
             RaterPreference(rater, len(rater_votes), sum(v.model == "A" for v in rater_votes))
             for rater, rater_votes in sorted(by_rater.items())
         ),
-    )
-
-
-def _preference(question: str, votes: Sequence[Vote]) -> Preference:
-    n, for_a = len(votes), sum(vote.model == "A" for vote in votes)
-    by_pair: dict[str, list[str]] = defaultdict(list)
-    for vote in votes:
-        by_pair[vote.pair].append(vote.model)
-    won = Counter()
-    for models in by_pair.values():
-        margin = 2 * sum(model == "A" for model in models) - len(models)
-        won["A" if margin > 0 else "B" if margin < 0 else "tie"] += 1
-    return Preference(
-        question=question,
-        answers=n,
-        for_a=for_a,
-        share_of_a=for_a / n if n else None,
-        interval=wilson(for_a, n),
-        p_answers=sign_test(for_a, n),
-        pairs=(won["A"], won["B"], won["tie"]),
-        p_pairs=sign_test(won["A"], won["A"] + won["B"]),
-        agreement=observed_agreement(by_pair.values()),
-        alpha=krippendorff(by_pair.values()),
-        left=sum(vote.side == "left" for vote in votes) / n if n else None,
     )
 
 

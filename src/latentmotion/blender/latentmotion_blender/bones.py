@@ -145,31 +145,27 @@ class _Transfer:
 
     def keys(self) -> list[Keys]:
         """Returns keys of bones that move, or that have a bone below them that moves."""
-        body, keys = self.body, []
-        for bone, name in enumerate(body.names):
-            back = np.swapaxes(self.unmoved[:, bone], -1, -2)
-            translations = self._translations(bone)
-            if translations is not None:
-                translations = np.einsum("tab,tb->ta", back, translations)
-            keys.append(Keys(name, back @ self.rotations[:, bone], translations))
+        body, take, keys = self.body, self.take, []
+        for bone, (name, joint) in enumerate(zip(body.names, self.joint_of, strict=True)):
+            back, moved = np.swapaxes(self.unmoved[:, bone], -1, -2), None
+            # How far a bone's head is from where its parent holds it, (frames, 3).
+            if joint >= 0 and take.parents[joint] < 0:
+                path = self.size * take.positions[:, joint] @ body.space.axes.T
+                moved = path - body.heads[bone]
+            elif joint >= 0 and not body.connected[bone]:
+                steps = take.positions[:, joint] - take.offsets[joint]
+                if np.abs(steps).max() >= _STILL:
+                    parent = take.rotations[:, take.parents[joint]]
+                    steps = self.size * np.einsum("tab,tb->ta", parent, steps)
+                    moved = steps @ body.space.axes.T
+            if moved is not None:
+                moved = np.einsum("tab,tb->ta", back, moved)
+            keys.append(Keys(name, back @ self.rotations[:, bone], moved))
         moving = [key.moves() for key in keys]
         for bone in reversed(range(len(keys))):
             if moving[bone] and body.parents[bone] >= 0:
                 moving[body.parents[bone]] = True
         return [key for key, moves in zip(keys, moving, strict=True) if moves]
-
-    def _translations(self, bone: int) -> np.ndarray | None:
-        """Returns (frames, 3) how far a bone's head is from where its parent holds it."""
-        body, take, joint = self.body, self.take, self.joint_of[bone]
-        if joint < 0:
-            return None
-        if take.parents[joint] < 0:
-            return self.size * take.positions[:, joint] @ body.space.axes.T - body.heads[bone]
-        moves = take.positions[:, joint] - take.offsets[joint]
-        if body.connected[bone] or np.abs(moves).max() < _STILL:
-            return None
-        parent = take.rotations[:, take.parents[joint]]
-        return self.size * np.einsum("tab,tb->ta", parent, moves) @ body.space.axes.T
 
     def _alignment(self, bone: int, above: np.ndarray | None) -> np.ndarray:
         """Returns D, from the rest directions of a bone's children to those of the joint's."""

@@ -45,7 +45,27 @@ def read_take(path: Path) -> BvhTake:
     head, separator, tail = path.read_text(encoding="utf-8").partition("MOTION")
     if not separator:
         raise ValueError(f"{path.name} is not a BVH file")
-    names, parents, offsets, channels = _hierarchy(head)
+    names, parents, steps, channels = [], [], [], []
+    open_blocks: list[int] = []
+    joint = -1
+    for line in head.splitlines():
+        words = line.split()
+        keyword = words[0].upper() if words else ""
+        if keyword in ("ROOT", "JOINT"):
+            parents.append(open_blocks[-1] if open_blocks else -1)
+            names.append(" ".join(words[1:]))
+            joint = len(names) - 1
+        elif keyword == "END":
+            joint = -1
+        elif keyword == "{":
+            open_blocks.append(joint)
+        elif keyword == "}":
+            open_blocks.pop()
+        elif keyword == "OFFSET" and joint >= 0:
+            steps.append([float(word) / _CENTIMETERS for word in words[1:4]])
+        elif keyword == "CHANNELS":
+            channels += [(joint, channel) for channel in words[2:]]
+    offsets = np.array(steps, dtype=np.float64)
     rows = [line.split() for line in tail.split("\n") if line.strip()][2:]
     values = np.array([[float(word) for word in row] for row in rows])
     positions = np.repeat(offsets[None], len(values), axis=0)
@@ -65,30 +85,6 @@ def read_take(path: Path) -> BvhTake:
         if parent >= 0:
             rotations[:, joint] = rotations[:, parent] @ rotations[:, joint]
     return BvhTake(names, parents, offsets, positions, rotations)
-
-
-def _hierarchy(text: str) -> tuple[list[str], list[int], np.ndarray, list[tuple[int, str]]]:
-    names, parents, offsets, channels = [], [], [], []
-    open_blocks: list[int] = []
-    joint = -1
-    for line in text.splitlines():
-        words = line.split()
-        keyword = words[0].upper() if words else ""
-        if keyword in ("ROOT", "JOINT"):
-            parents.append(open_blocks[-1] if open_blocks else -1)
-            names.append(" ".join(words[1:]))
-            joint = len(names) - 1
-        elif keyword == "END":
-            joint = -1
-        elif keyword == "{":
-            open_blocks.append(joint)
-        elif keyword == "}":
-            open_blocks.pop()
-        elif keyword == "OFFSET" and joint >= 0:
-            offsets.append([float(word) / _CENTIMETERS for word in words[1:4]])
-        elif keyword == "CHANNELS":
-            channels += [(joint, channel) for channel in words[2:]]
-    return names, parents, np.array(offsets, dtype=np.float64), channels
 
 
 def write_rest(

@@ -115,7 +115,22 @@ class GenerationTask:
         Raises:
             ValueError: The armature is gone, or has no bones.
         """
-        armature = self._armature() or self._mannequin(context)
+        armature = self._armature()
+        if armature is None:
+            # The figure without its animation: its Actions are made as for any armature.
+            objects, old_actions = {*bpy.data.objects}, {*bpy.data.actions}
+            properties = bpy.ops.import_scene.gltf.get_rna_type().properties.keys()
+            options = {"disable_bone_shape": True} if "disable_bone_shape" in properties else {}
+            bpy.ops.import_scene.gltf(filepath=str(self.folder / "made.glb"), **options)
+            new = [item for item in bpy.data.objects if item not in objects]
+            armature = next(item for item in new if item.type == "ARMATURE")
+            armature.animation_data_clear()
+            for action in [action for action in bpy.data.actions if action not in old_actions]:
+                bpy.data.actions.remove(action)
+            for bone in armature.pose.bones:
+                bone.matrix_basis.identity()
+            armature.location = context.scene.cursor.location
+            armature.name = "Latent Motion"
         files = self._takes("made" if self.bones is None else "fitted")
         takes = [read_take(file) for file in files]
         start = context.scene.frame_start
@@ -145,23 +160,6 @@ class GenerationTask:
         armature = bpy.data.objects.get(self.target)
         if armature is None:
             raise ValueError(f"the armature {self.target} is gone; select another")
-        return armature
-
-    def _mannequin(self, context: bpy.types.Context) -> bpy.types.Object:
-        """Imports the figure without its animation: its Actions are made as for any armature."""
-        objects, actions = {*bpy.data.objects}, {*bpy.data.actions}
-        properties = bpy.ops.import_scene.gltf.get_rna_type().properties.keys()
-        options = {"disable_bone_shape": True} if "disable_bone_shape" in properties else {}
-        bpy.ops.import_scene.gltf(filepath=str(self.folder / "made.glb"), **options)
-        new = [item for item in bpy.data.objects if item not in objects]
-        armature = next(item for item in new if item.type == "ARMATURE")
-        armature.animation_data_clear()
-        for action in [action for action in bpy.data.actions if action not in actions]:
-            bpy.data.actions.remove(action)
-        for bone in armature.pose.bones:
-            bone.matrix_basis.identity()
-        armature.location = context.scene.cursor.location
-        armature.name = "Latent Motion"
         return armature
 
     def _takes(self, stem: str) -> list[Path]:
