@@ -17,7 +17,6 @@ from latentmotion.errors import LatentMotionError
 from latentmotion.pipeline import RawMotion
 from latentmotion.service.batching import BatchSettings, Prompt
 from latentmotion.storage import configuration, limits
-from latentmotion.storage.reading import parse_json
 
 MOST_CHARACTERS = 500
 """Longest prompt, characters."""
@@ -104,12 +103,14 @@ def _read_as(kind: type) -> WrapValidator:
 
     def read(value: Any, handler: object) -> Any:
         try:
-            part = configuration.from_json(kind, parse_json(json.dumps(value), "the request"))
-        except LatentMotionError as error:
+            part = configuration.from_json(kind, value)
+        except (LatentMotionError, OverflowError) as error:  # a whole number of 400 digits
             raise ValueError(str(error)) from error
-        texts = (text for text in vars(part).values() if isinstance(text, str))
-        if (longest := max(map(len, texts), default=0)) > MOST_CHARACTERS:
-            raise ValueError(f"{longest:,} characters, expected at most {MOST_CHARACTERS}")
+        json.dumps(vars(part), allow_nan=False)  # raises ValueError: no number is infinite or NaN
+        for text in (text for text in vars(part).values() if isinstance(text, str)):
+            text.encode()  # raises ValueError for halves of characters
+            if len(text) > MOST_CHARACTERS:
+                raise ValueError(f"{len(text):,} characters, expected at most {MOST_CHARACTERS}")
         return part
 
     return WrapValidator(read)
