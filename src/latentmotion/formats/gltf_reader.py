@@ -191,21 +191,16 @@ class GltfScene:
                 rest.rotation if quaternions is None else _matrix(quaternions),
                 values.get((node, "scale"), rest.scale),
             )
-        pose = self._world(transforms)
-        moved = bone_poses.WorldPose(
-            np.broadcast_to(pose.positions, (len(times), *pose.positions.shape[-2:])),
-            np.broadcast_to(pose.rotations, (len(times), *pose.rotations.shape[-3:])),
-        )
+        moved = self._world(transforms, len(times))
         animation = bone_poses.plain_animation(self.skeleton, self.rest, moved, fps)
         return checked_animation(self.path, animation)
 
-    def _world(self, transforms: Mapping[int, _Transform]) -> bone_poses.WorldPose:
-        """Returns positions and rotations of the bones in the world."""
-        frames = self._frames(transforms, self.bones)
-        bones = [frames[bone] for bone in self.bones]
-        return bone_poses.WorldPose(
-            _stacked([bone[0] for bone in bones], 1), _stacked([bone[1] for bone in bones], 2)
-        )
+    def _world(self, transforms: Mapping[int, _Transform], *frames: int) -> bone_poses.WorldPose:
+        """Returns positions and rotations of the bones in the world, over frames or at rest."""
+        bones = self._frames(transforms, self.bones)
+        places = [np.broadcast_to(bones[bone][0], (*frames, 3)) for bone in self.bones]
+        turns = [np.broadcast_to(bones[bone][1], (*frames, 3, 3)) for bone in self.bones]
+        return bone_poses.WorldPose(np.stack(places, axis=-2), np.stack(turns, axis=-3))
 
     def rest_frame(self, node: int) -> bone_poses.Frame:
         """Returns the frame of a node in rest pose; -1 is the world itself."""
@@ -317,13 +312,6 @@ def _numbers(values: Any, count: int) -> Float[np.ndarray, " count"]:
     if numbers.shape != (count,) or not (np.abs(numbers) <= MOST_NUMBER).all():
         raise ValueError(f"found {reprlib.repr(values)}, expected {count} numbers")
     return numbers
-
-
-def _stacked(arrays: Sequence[np.ndarray], dimensions: int) -> np.ndarray:
-    """Stacks arrays of the bones, still or over time, with the bones before the last axes."""
-    lead = np.broadcast_shapes(*(array.shape[:-dimensions] for array in arrays))
-    whole = [np.broadcast_to(array, (*lead, *array.shape[-dimensions:])) for array in arrays]
-    return np.stack(whole, axis=-dimensions - 1)
 
 
 @dataclass(frozen=True, eq=False)
