@@ -160,7 +160,7 @@ def test_wrong_input_is_told(called: Called, change: Any, status: int, told: str
         (ARM | {"start": 0.9}, "two ascending times"),
         (ARM | {"end": 9}, "ends at 9 s, the timeline at 1 s"),
         (ARM | {"prompt": ""}, "the sentence is empty"),
-        ({"part": "head"}, "body.timeline_parts.0.prompt"),
+        ({"part": "head"}, "body.timeline_parts.0: PartSpan: missing key 'prompt', 'start', 'end'"),
     ],
 )
 def test_wrong_parts_are_told(called: Called, part: Any, told: str) -> None:
