@@ -194,13 +194,7 @@ class FileWorkers:
                 process = await self._end(process)
             process, began = process or await self._start(), time.monotonic()
             async with asyncio.timeout(max(job.until for job in batch) - began):
-                assert process.stdin is not None and process.stdout is not None
-                tasks = [{**job.task, "size": len(job.content)} for job in batch]
-                process.stdin.write(json.dumps(tasks).encode() + b"\n")
-                process.stdin.writelines(job.content for job in batch)
-                await process.stdin.drain()
-                heads = json.loads(await process.stdout.readuntil(b"\n"))
-                files = [await process.stdout.readexactly(head["size"]) for head in heads]
+                answers = await _exchange(process, [(job.task, job.content) for job in batch])
         except (TimeoutError, OSError, asyncio.IncompleteReadError, ValueError) as error:
             if process is not None:
                 await self._end(process)
@@ -217,9 +211,9 @@ class FileWorkers:
             return None
         each = (time.monotonic() - began) / len(batch)
         self._seconds_each += 0.1 * (each - self._seconds_each)
-        for job, head, file in zip(batch, heads, files, strict=True):
+        for job, answer in zip(batch, answers, strict=True):
             if not job.done.done():
-                job.done.set_result((head, file))
+                job.done.set_result(answer)
         # Ended after a fixed number of tasks, so that leaks of libraries stay bounded.
         self._done[process.pid] = self._done.get(process.pid, 0) + len(batch)
         full = self._done[process.pid] >= _TASKS_OF_A_PROCESS
@@ -274,3 +268,13 @@ def written(raw: Sequence[RawMotion], form: str, clean: bool, fps: float | None)
     ]
     content = b"".join(item.motion.joints.astype("<f4", copy=False).tobytes() for item in raw)
     return {"verb": "write", "motions": heads, "clean": clean, "fps": fps, "format": form}, content
+
+
+async def _exchange(process: Process, batch: Sequence[Answer]) -> list[Answer]:
+    assert process.stdin is not None and process.stdout is not None
+    tasks = [{**task, "size": len(content)} for task, content in batch]
+    process.stdin.write(json.dumps(tasks).encode() + b"\n")
+    process.stdin.writelines(content for _, content in batch)
+    await process.stdin.drain()
+    heads = json.loads(await process.stdout.readuntil(b"\n"))
+    return [(head, await process.stdout.readexactly(head["size"])) for head in heads]
