@@ -207,7 +207,7 @@ class MotionPipeline(PickledByFields):
                 return encoder
             return CachedTextEncoder(encoder, cache / "prompts", files, MAX_PROMPTS)
 
-        lengths = cards.lengths_file(card, folder)
+        lengths = cards.file_beside(card, folder, cards.LENGTHS_FILE)
         moves = cards.moves_files(card, folder)
         return cls(
             card,

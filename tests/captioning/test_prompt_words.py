@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from latentmotion.language.reading import claims_of
-from latentmotion.language.words import inflect, past_tense
+from latentmotion.language.words import inflect
 from latentmotion.measure.facts import SingleAction
 from latentmotion.training.captioning.clauses import VERBS, other_number
 from latentmotion.training.captioning.prompting import (
@@ -281,7 +281,7 @@ def test_every_verb_has_three_different_forms() -> None:
     for verb in VERBS:
         forms = {inflect(verb, form) for form in ("third", "participle")} | {verb}
         assert len(forms) == 3, verb
-        assert past_tense(verb).isascii() and " " not in past_tense(verb)
+        assert inflect(verb, "past").isascii() and " " not in inflect(verb, "past")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 
 from latentmotion.data.clip import Caption
 from latentmotion.data.instructions import instructions
-from latentmotion.language.words import present_participle, third_person
+from latentmotion.language.words import inflect
 from latentmotion.training.captioning import rewording
 from latentmotion.training.captioning.clauses import read_clauses
 from latentmotion.training.captioning.described import reworded_captions
@@ -50,7 +50,7 @@ def rules_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_verbs_are_inflected(verb: str, goes: str, going: str) -> None:
-    assert (third_person(verb), present_participle(verb)) == (goes, going)
+    assert (inflect(verb, "third"), inflect(verb, "participle")) == (goes, going)
 
 
 def test_sentence_is_read_in_clauses() -> None:

@@ -9,9 +9,9 @@ from latentmotion.language.words import (
     at_once,
     clauses_of,
     forms,
+    inflect,
     match,
     plain,
-    present_participle,
     tokens_of,
     uncounted,
     with_words,
@@ -108,7 +108,7 @@ def test_a_sentence_without_its_counts(sentence: str, without: str) -> None:
 _VERBS = "do stand pick take throw duck answer raise move wait lean climb change walk wave"
 _VOCABULARY = {
     *_VERBS.split(),
-    *map(present_participle, _VERBS.split()),
+    *(inflect(verb, "participle") for verb in _VERBS.split()),
     *("man", "stone", "squats", "jump", "umbrella", "cup", "leg"),
 }
 

@@ -14,7 +14,7 @@ from latentmotion.cli.main import main
 from latentmotion.condition import TextConditioning, UnconditionalTask
 from latentmotion.engine.request import frames_of
 from latentmotion.errors import DataError, InputError, ModelError
-from latentmotion.model.card import LENGTHS_FILE, find_model, lengths_file, read_card
+from latentmotion.model.card import LENGTHS_FILE, file_beside, find_model, read_card
 from latentmotion.model.config import ConvolutionalVAEConfig, DenoiserConfig, LatentSpace, Sampling
 from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import save_model
@@ -130,10 +130,10 @@ def test_motions_take_their_sentences_lengths(tmp_path: Path) -> None:
 
 def test_the_student_borrows_its_teachers_lengths() -> None:
     fast, starter = find_model("fast"), find_model("starter")
-    lengths = lengths_file(read_card(fast), fast)
+    lengths = file_beside(read_card(fast), fast, LENGTHS_FILE)
     assert lengths == starter / LENGTHS_FILE
     unconditional = replace(read_card(fast), condition=UnconditionalTask())
-    assert lengths_file(unconditional, fast) is None
+    assert file_beside(unconditional, fast, LENGTHS_FILE) is None
 
 
 def test_an_older_folder_makes_four_seconds(tmp_path: Path) -> None:

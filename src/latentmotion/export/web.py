@@ -90,7 +90,7 @@ def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:
             fused = onnx.load(source / fused_sampler_file(steps))
             graph = store.taken(_joined(prompt, fused, joints))
             onnx.save(anonymous(graph), folder / motion_file(steps))
-        lengths = cards.lengths_file(card, source)
+        lengths = cards.file_beside(card, source, cards.LENGTHS_FILE)
         if lengths and text:
             model = LengthModel.read(lengths, card.condition.text_encoder)
             onnx.save(anonymous(store.taken(_seconds(text, model))), folder / SECONDS_FILE)

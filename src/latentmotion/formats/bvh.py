@@ -87,26 +87,23 @@ def hierarchy_lines(
     children = skeleton.children(joint)
     positions = [f"{axis}position" for axis in "XYZ"] if joint in moving else []
     channels = positions + [f"{axis}rotation" for axis in layout.order]
-    inside = [_offset(skeleton, joint, layout), f"CHANNELS {len(channels)} {' '.join(channels)}"]
+    place = np.asarray(skeleton.offsets[joint], np.float64)
+    # Adding zero makes 0 of the -0 that rounding leaves.
+    offset, half = (
+        "OFFSET "
+        + " ".join(f"{value:.6f}" for value in np.round(share / layout.meters * place, 6) + 0.0)
+        for share in (1.0, 0.5)
+    )
+    if joint in skeleton.end_sites:
+        return ["End Site", "{", f"\t{offset}", "}"]
+    inside = [offset, f"CHANNELS {len(channels)} {' '.join(channels)}"]
     for child in children:
-        is_end = child in skeleton.end_sites
-        below = hierarchy_lines(skeleton, moving, layout, child) if not is_end else []
-        inside += below or _end_site(skeleton, child, layout)
+        inside += hierarchy_lines(skeleton, moving, layout, child)
     if not children:
         # BVH requires a tip. The true one is unknown; half the bone before it looks right.
-        inside += _end_site(skeleton, joint, layout, share=0.5)
+        inside += ["End Site", "{", f"\t{half}", "}"]
     name = "_".join(skeleton.names[joint].split())
     return [f"{'JOINT' if joint else 'ROOT'} {name}", "{", *("\t" + s for s in inside), "}"]
-
-
-def _end_site(skeleton: Skeleton, joint: int, layout: BvhLayout, share: float = 1.0) -> list[str]:
-    return ["End Site", "{", "\t" + _offset(skeleton, joint, layout, share), "}"]
-
-
-def _offset(skeleton: Skeleton, joint: int, layout: BvhLayout, share: float = 1.0) -> str:
-    units = np.round(share / layout.meters * np.asarray(skeleton.offsets[joint], np.float64), 6)
-    # Adding zero makes 0 of the -0 that rounding leaves.
-    return "OFFSET " + " ".join(f"{value:.6f}" for value in units + 0.0)
 
 
 class _BvhReader:
@@ -347,16 +344,14 @@ def continuous_euler(
     """
     direct = euler_from_matrix(rotations, order)
     flipped = direct * np.array([1, -1, 1]) + np.pi
-    change = _distance(direct[:-1], flipped[1:]) < _distance(direct[:-1], direct[1:])
+    changed_by, kept_by = (
+        np.abs((direct[:-1] - after[1:] + np.pi) % (2 * np.pi) - np.pi).sum(axis=-1)
+        for after in (flipped, direct)
+    )
+    change = changed_by < kept_by
     changed = np.cumsum(change, axis=0) % 2 == 1
     side = np.concatenate([np.zeros_like(changed, shape=(1, *changed.shape[1:])), changed])
     return np.unwrap(np.where(side[..., None], flipped, direct), axis=0)
-
-
-def _distance(
-    a: Float[np.ndarray, "*batch 3"], b: Float[np.ndarray, "*batch 3"]
-) -> Float[np.ndarray, "*batch"]:
-    return np.sum(np.abs((a - b + np.pi) % (2 * np.pi) - np.pi), axis=-1)
 
 
 def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:

@@ -21,10 +21,10 @@ from latentmotion.language.words import (
     Token,
     beginnings,
     forms,
+    inflect,
     is_plural,
     listed,
     match,
-    third_person,
     tokens_of,
     uncounted,
 )
@@ -70,28 +70,26 @@ def acts() -> tuple[ActWords, ...]:
 
 
 @cache
-def _verbs() -> Mapping[str, tuple[ActWords, str, str]]:
-    """Returns act, form and base form by the forms of single words."""
-    table: dict[str, tuple[ActWords, str, str]] = {}
+def _beginnings() -> Mapping[str, Sequence[tuple[ActWords, str, str, str]]]:
+    """Returns the acts that may begin at a word: first those with a phrase, which is second.
+
+    Third and fourth are form and base form of a single word.
+    """
+    table: dict[str, list[tuple[ActWords, str, str, str]]] = defaultdict(list)
+    for act in acts():
+        for phrase in act.phrases:
+            for word in beginnings(phrase):
+                table[word].append((act, phrase, "", ""))
+    single: set[str] = set()
     for act in acts():
         for base in dict.fromkeys((*act.words, *act.nouns, *act.things)):
             for form, name in forms(base).items():
                 if base not in act.words:
                     name = {"base": "noun", "third": "nouns"}.get(name, "")
-                if name:
-                    table.setdefault(form, (act, name, base))
+                if name and form not in single:
+                    table[form].append((act, "", name, base))
+                    single.add(form)
     return table
-
-
-@cache
-def _phrases() -> Mapping[str, tuple[tuple[ActWords, str], ...]]:
-    """Returns acts with a phrase, by the words that it may begin with."""
-    table: dict[str, list[tuple[ActWords, str]]] = defaultdict(list)
-    for act in acts():
-        for phrase in act.phrases:
-            for word in beginnings(phrase):
-                table[word].append((act, phrase))
-    return {word: tuple(rows) for word, rows in table.items()}
 
 
 def mentions(tokens: Sequence[Token]) -> list[Mention]:
@@ -100,18 +98,11 @@ def mentions(tokens: Sequence[Token]) -> list[Mention]:
     at = 0
     while at < len(tokens):
         here: list[Mention] = []
-        for act, phrase in _phrases().get(tokens[at].text, ()):
-            end = match(phrase, tokens, at)
-            if end is not None and end > at:
-                here.append(Mention(act, at, end))
-        if tokens[at].text in _verbs():
-            act, form, base = _verbs()[tokens[at].text]
-            here.append(Mention(act, at, at + 1, form, base))
-        here = [
-            mention
-            for mention in here
-            if not any(match(word, tokens, mention.end) is not None for word in mention.act.unless)
-        ]
+        for act, phrase, form, base in _beginnings().get(tokens[at].text, ()):
+            end = match(phrase, tokens, at) if phrase else at + 1
+            unless = (match(word, tokens, end) for word in act.unless) if end else ()
+            if end is not None and end > at and all(after is None for after in unless):
+                here.append(Mention(act, at, end, form, base))
         best = max(here, key=lambda one: one.end, default=None)
         if best is None:
             at += 1
@@ -276,7 +267,7 @@ def of_a_person(sentence: str) -> str:
         if token.text in listed("person"):
             return f"a person{sentence[token.end :]}"
         if not number and verb_forms().get(token.text) == "base":
-            return f"a person {third_person(token.text)}{sentence[token.end :]}"
+            return f"a person {inflect(token.text, 'third')}{sentence[token.end :]}"
         if number or token.text not in listed("determiner"):
             break
     return sentence

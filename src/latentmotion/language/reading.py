@@ -54,10 +54,10 @@ from latentmotion.language.words import (
     Token,
     beginnings,
     forms,
+    inflect,
     listed,
     match,
     other_forms,
-    third_person,
     tokens_of,
     with_words,
     words_of,
@@ -273,7 +273,7 @@ def _in_order(sentence: str) -> str:
     word, _, rest = second.partition(" ")  # "sitting down" becomes "sits down"
     bases = [base for base in sorted(other_forms(word)) if verb_forms().get(base) == "base"]
     base = next((base for base in bases if forms(base).get(word) == "participle"), None)
-    second = f"{third_person(base)} {rest}".rstrip() if base else second
+    second = f"{inflect(base, 'third')} {rest}".rstrip() if base else second
     if words[at] == "after":
         first, second = second, first
     return (

@@ -388,6 +388,8 @@ _DOUBLED = re.compile(r"[^aeiou]*(?:qu)?[aeiou][bdgklmnprt]|(?:un|zig|side)?(?:z
 # Verbs whose last letter is doubled before "ing" and "ed".
 _DOUBLED_IN_PAST = re.compile(rf"{_DOUBLED.pattern}|side-step")
 
+_IRREGULAR = {"third": _THIRD, "participle": _PARTICIPLE, "past": _PAST}
+
 # Further forms that people write.
 _OTHER = {
     "lean": ("leant",), "leap": ("leaped",), "kneel": ("kneeled",), "tiptoe": ("tiptoing",),
@@ -397,42 +399,28 @@ _OTHER = {
 }  # fmt: skip
 
 
-def third_person(verb: str) -> str:
-    """Returns "walks" for "walk"."""
-    if verb in _THIRD:
-        return _THIRD[verb]
-    if re.search(r"(s|x|z|ch|sh|[^o]o)$", verb):
-        return f"{verb}es"
-    return re.sub(r"(?<=[^aeiou])y$", "ie", verb) + "s"
-
-
-def present_participle(verb: str) -> str:
-    """Returns "walking" for "walk", "running" for "run", "dancing" for "dance"."""
-    if verb in _PARTICIPLE:
-        return _PARTICIPLE[verb]
-    if _DOUBLED.fullmatch(verb):
-        return f"{verb}{verb[-1]}ing"
-    if verb.endswith("ie"):
-        return f"{verb[:-2]}ying"
-    return re.sub(r"(?<=[^eoy])e$", "", verb) + "ing"
-
-
-def past_tense(verb: str) -> str:
-    """Returns "walked" for "walk", "ran" for "run"."""
-    if verb in _PAST:
-        return _PAST[verb]
-    if _DOUBLED_IN_PAST.fullmatch(verb):
-        return f"{verb}{verb[-1]}ed"
-    return re.sub(r"(?<=[^aeiou])y$", "i", verb).removesuffix("e") + "ed"
-
-
 def inflect(verb: str, form: str) -> str:
-    """Returns a verb as `third` person, `participle` or `past`; any other form is the base form."""
+    """Returns a verb in a form; any other form than these is the base form.
+
+    Args:
+        verb: In its base form.
+        form: `third` ("walks"), `participle` ("walking") or `past` ("walked").
+    """
+    if verb in _IRREGULAR.get(form, {}):
+        return _IRREGULAR[form][verb]
     if form == "third":
-        return third_person(verb)
+        ending = "es" if re.search(r"(s|x|z|ch|sh|[^o]o)$", verb) else "s"
+        return re.sub(r"(?<=[^aeiou])y$", "ie", verb) + ending
     if form == "participle":
-        return present_participle(verb)
-    return past_tense(verb) if form == "past" else verb
+        if _DOUBLED.fullmatch(verb):
+            return f"{verb}{verb[-1]}ing"
+        stem = f"{verb[:-2]}y" if verb.endswith("ie") else re.sub(r"(?<=[^eoy])e$", "", verb)
+        return f"{stem}ing"
+    if form == "past":
+        if _DOUBLED_IN_PAST.fullmatch(verb):
+            return f"{verb}{verb[-1]}ed"
+        return re.sub(r"(?<=[^aeiou])y$", "i", verb).removesuffix("e") + "ed"
+    return verb
 
 
 @cache
@@ -450,7 +438,7 @@ def other_forms(word: str) -> frozenset[str]:
     For a search: "sitting" and "sat" give sit, sits, sat, sitting. A stem that is no word does no
     harm there.
     """
-    stems = {word, *(verb for table in (_THIRD, _PAST, _PARTICIPLE) for verb in table)}
+    stems = {word, *(verb for table in _IRREGULAR.values() for verb in table)}
     for ending in ("s", "es", "ed", "ing", "ies", "ied"):
         stem = word.removesuffix(ending)
         if len(stem) >= 2:

@@ -75,7 +75,16 @@ def measure(joints: Float[np.ndarray, "frames joints 3"]) -> Signals:
     else:
         floor = float(joints[..., 1].min())
     joints = joints - np.array([0, floor, 0])
-    heading = _heading(joints)
+    # Heading of the line between the hips; where that line is steep, it is interpolated.
+    across = joints[:, JOINT["right_hip"]] - joints[:, JOINT["left_hip"]]
+    level = np.hypot(across[:, 0], across[:, 2]) > 0.7 * length(across)
+    heading = np.arctan2(across[:, 2], -across[:, 0])
+    if level.any():
+        upright = np.flatnonzero(level)
+        heading = np.interp(np.arange(len(joints)), upright, np.unwrap(heading[upright]))
+        heading = smooth(heading, 2.0)
+    else:
+        heading = np.unwrap(heading)
     c, s = np.cos(heading), np.sin(heading)
     x, y, z = np.moveaxis(joints - joints[:, :1] * np.array([1, 0, 1]), -1, 0)
     trunk = joints[:, JOINT["neck"]] - joints[:, 0]
@@ -237,16 +246,3 @@ def activity_of(signals: Signals) -> float:
     """Returns the mean speed of hands, feet and head, m/s."""
     ends = signals.joints[:, [10, 11, 15, 20, 21]]
     return float(length(np.gradient(ends, axis=0)).mean() * FPS)
-
-
-def _heading(joints: Float[np.ndarray, "frames 22 3"]) -> Float[np.ndarray, " frames"]:
-    """Heading of the line between the hips; where that line is steep, it is interpolated."""
-    across = joints[:, JOINT["right_hip"]] - joints[:, JOINT["left_hip"]]
-    flat = np.hypot(across[:, 0], across[:, 2])
-    level = flat > 0.7 * length(across)
-    heading = np.arctan2(across[:, 2], -across[:, 0])
-    if not level.any():
-        return np.unwrap(heading)
-    upright = np.flatnonzero(level)
-    heading = np.interp(np.arange(len(joints)), upright, np.unwrap(heading[upright]))
-    return smooth(heading, 2.0)

@@ -187,33 +187,25 @@ def _card_at(path: Path, *version: int) -> ModelCard:
         raise ModelError(f"{path}: format {written}, expected {FORMAT}; update latentmotion")
     try:
         card = from_json(ModelCard, data)
-        check_card(card)
+        # Its parts fit each other.
+        shortest, longest = card.frames
+        if not 1 <= shortest <= longest <= limits.MOST_TOKENS:
+            raise InputError(f"frames {card.frames}: expected the shortest and the longest motion")
+        mean, std = card.normalizer_mean, card.normalizer_std
+        scales = all(0 < scale < limits.MOST_NUMBER for scale in std)
+        if not len(mean) == len(std) == card.vae.features or not scales:
+            raise InputError(
+                f"a normalizer of {len(mean)} and {len(std)} numbers for {card.vae.features} "
+                "features; expected a mean and a positive scale for each"
+            )
+        needed = card.vae.latent_space()
+        for name in ("width", "tokens", "frames_per_token"):
+            actual, expected = getattr(card.latents, name), getattr(needed, name)
+            if actual != expected:
+                raise InputError(f"latents.{name} {actual}: this kind of VAE has {expected}")
         return card
     except InputError as error:
         raise ModelError(f"{path}: {error}") from error
-
-
-def check_card(card: ModelCard) -> None:
-    """Checks that the parts of a card fit each other.
-
-    Raises:
-        InputError: They do not.
-    """
-    shortest, longest = card.frames
-    if not 1 <= shortest <= longest <= limits.MOST_TOKENS:
-        raise InputError(f"frames {card.frames}: expected the shortest and the longest motion")
-    mean, std = card.normalizer_mean, card.normalizer_std
-    scales = all(0 < scale < limits.MOST_NUMBER for scale in std)
-    if not len(mean) == len(std) == card.vae.features or not scales:
-        raise InputError(
-            f"a normalizer of {len(mean)} and {len(std)} numbers for {card.vae.features} "
-            "features; expected a mean and a positive scale for each"
-        )
-    needed = card.vae.latent_space()
-    for name in ("width", "tokens", "frames_per_token"):
-        actual, expected = getattr(card.latents, name), getattr(needed, name)
-        if actual != expected:
-            raise InputError(f"latents.{name} {actual}: this kind of VAE has {expected}")
 
 
 def shipped_models() -> tuple[str, ...]:
@@ -337,16 +329,6 @@ def text_encoder_files(folder: Path) -> tuple[Path, Path]:
     return graph, tokenizer
 
 
-def lengths_file(card: ModelCard, folder: Path) -> Path | None:
-    """Returns the file that predicts lengths, of a model's folder or of its text encoder's.
-
-    Args:
-        card: The model's card.
-        folder: The model's folder.
-    """
-    return _file_beside(card, folder, LENGTHS_FILE)
-
-
 def moves_files(card: ModelCard, folder: Path) -> tuple[Path, Path] | None:
     """Returns the clips that motions may start from and the VAE encoder's graph, if both are there.
 
@@ -356,16 +338,22 @@ def moves_files(card: ModelCard, folder: Path) -> tuple[Path, Path] | None:
         card: The model's card.
         folder: The model's folder.
     """
-    clips = _file_beside(card, folder, MOVES_FILE)
-    encoder = _file_beside(card, folder, ENCODER_FILE)
+    clips = file_beside(card, folder, MOVES_FILE)
+    encoder = file_beside(card, folder, ENCODER_FILE)
     if clips is None or encoder is None:
         return None
     of_other = clips.parent != folder and read_card(clips.parent).latents != card.latents
     return None if of_other else (clips, encoder)
 
 
-def _file_beside(card: ModelCard, folder: Path, name: str) -> Path | None:
-    """Returns a file of a model that reads sentences, or of its text encoder's folder."""
+def file_beside(card: ModelCard, folder: Path, name: str) -> Path | None:
+    """Returns a file of a model that reads sentences, or of its text encoder's folder.
+
+    Args:
+        card: The model's card.
+        folder: The model's folder.
+        name: Name of the file, such as `LENGTHS_FILE`.
+    """
     if not card.condition.reads_text:
         return None
     folders = folder, text_encoder_folder(card, folder) or folder

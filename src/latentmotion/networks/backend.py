@@ -85,7 +85,7 @@ def torch_pipeline(
     """
     folder = find_model(folder)
     model = load_model(folder)
-    card, lengths = model.card, cards.lengths_file(model.card, folder)
+    card, lengths = model.card, cards.file_beside(model.card, folder, cards.LENGTHS_FILE)
     return MotionPipeline(
         card,
         card.prompt_condition(lambda: encoder or find_encoder(card, folder)),

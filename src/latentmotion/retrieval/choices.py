@@ -263,8 +263,7 @@ class Chooser(SentenceReader):
         if shown or self._tells(whole, spans):
             return [whole[1]]
         text = said.caption.text if said else ""
-        in_turn = _tells_sides(text, done) and _in_turn(text, sentence)
-        if said and in_turn and self._names([text], done):
+        if said and _in_turn(text, sentence, done) and self._names([text], done):
             return [Choice((said,), DRAWN, sentence)]
         while len(spans) > 2:
             rows = [(*first, *second) for (first, _), (second, _) in pairwise(spans)]
@@ -282,7 +281,7 @@ class Chooser(SentenceReader):
         caption = choice.neighbors[0].caption
         if any(map(_gaits_of, clauses)) and not _gaits_of(caption.text):
             return False  # "walks to the window and looks out" is no look through one
-        if not (_tells_sides(caption.text, clauses) and _in_turn(caption.text, choice.sentence)):
+        if not _in_turn(caption.text, choice.sentence, clauses):
             return False
         if caption.support == DRAWN:
             texts = self.index.texts_of(caption.clip)
@@ -428,17 +427,15 @@ class Chooser(SentenceReader):
         return replace(neighbor, mirrored=named != shown) if len(shown) == 1 else neighbor
 
 
-def _tells_sides(caption: str, clauses: Sequence[str]) -> bool:
-    """Whether a caption names the sides that clauses name, or none."""
-    named = {*chain(*map(named_sides, clauses))}
-    return named <= (named_sides(caption) or named)
-
-
-def _in_turn(caption: str, sentence: str) -> bool:
+def _in_turn(caption: str, sentence: str, clauses: Sequence[str]) -> bool:
     """Whether a caption may tell of movements in a row: not of one meanwhile, or of one side.
 
-    "Jump kick" is no kick, then a jump.
+    "Jump kick" is no kick, then a jump. It names the sides that the clauses of the sentence name,
+    or none.
     """
+    named = {*chain(*map(named_sides, clauses))}
+    if not named <= (named_sides(caption) or named):
+        return False
     if len(parts_of(sentence)) == 1 or len(parts_of(caption)) > 1:
         return True
     words = {*words_of(caption)}

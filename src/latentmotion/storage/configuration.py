@@ -117,7 +117,19 @@ _type_hints = functools.cache(typing.get_type_hints)
 def _convert(hint: Any, value: Any, where: str) -> Any:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
-        return _convert_union(arguments, value, where)
+        if value is None and type(None) in arguments:
+            return None
+        classes = {
+            kind_of(m): m for m in arguments if isinstance(m, type) and dataclasses.is_dataclass(m)
+        }
+        if classes and isinstance(value, Mapping):
+            kind = value.get("kind", next(iter(classes)) if len(classes) == 1 else None)
+            known = isinstance(kind, str) and kind in classes
+            _check(known, kind, f"kind to be one of {', '.join(classes)}", where)
+            return from_json(typing.cast(type, classes[typing.cast(str, kind)]), value, where)
+        plain = [m for m in arguments if m is not type(None) and not dataclasses.is_dataclass(m)]
+        _check(bool(plain), value, " or ".join(classes) or "null", where)
+        return _convert(plain[0], value, where)
     if dataclasses.is_dataclass(hint):
         return from_json(typing.cast(type, hint), value, where)
     if origin is tuple:
@@ -132,31 +144,11 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     if hint is float:
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         return float(_check(number, value, "a number", where))
-    plain = origin or hint
-    if isinstance(plain, type) and plain is not object:
-        fits = isinstance(value, plain) and (plain is bool or not isinstance(value, bool))
-        return _check(fits, value, plain.__name__, where)
+    cls = origin or hint
+    if isinstance(cls, type) and cls is not object:
+        fits = isinstance(value, cls) and (cls is bool or not isinstance(value, bool))
+        return _check(fits, value, cls.__name__, where)
     return value
-
-
-def _convert_union(members: tuple[Any, ...], value: Any, where: str) -> Any:
-    if value is None and type(None) in members:
-        return None
-    classes = {
-        kind_of(m): m for m in members if isinstance(m, type) and dataclasses.is_dataclass(m)
-    }
-    if classes and isinstance(value, Mapping):
-        kind = value.get("kind", next(iter(classes)) if len(classes) == 1 else None)
-        _check(
-            isinstance(kind, str) and kind in classes,
-            kind,
-            f"kind to be one of {', '.join(classes)}",
-            where,
-        )
-        return from_json(typing.cast(type, classes[typing.cast(str, kind)]), value, where)
-    plain = [m for m in members if m is not type(None) and not dataclasses.is_dataclass(m)]
-    _check(bool(plain), value, " or ".join(classes) or "null", where)
-    return _convert(plain[0], value, where)
 
 
 def _check(fits: bool, value: Any, expected: str, where: str) -> Any:

@@ -40,7 +40,7 @@ class StudioModel:
         """SHA-256 of its graphs and weights, and of those that read its prompts."""
         files = [file for file in self.folder.iterdir() if file.suffix in (".onnx", ".safetensors")]
         if self.card.condition.reads_text:
-            lengths = cards.lengths_file(self.card, self.folder)
+            lengths = cards.file_beside(self.card, self.folder, cards.LENGTHS_FILE)
             files += cards.find_text_encoder(self.card, self.folder)
             files += [lengths] if lengths else []
         digest = hashlib.sha256()

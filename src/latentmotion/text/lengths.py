@@ -126,23 +126,19 @@ class LengthModel:
             quantiles = json.loads(about["quantiles"])
         except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
             raise ModelError(f"{path} is damaged ({error}); {_MAKE}") from error
-        if not model._fits_together() or quantiles != list(QUANTILES):
+        # Each layer takes what the one before gives, and all numbers are finite.
+        shapes = [weight.shape for weight in weights]
+        fits = bool(shapes) and all(len(shape) == 2 for shape in shapes)
+        fits = fits and [s[1] for s in shapes[1:]] == [s[0] for s in shapes[:-1]]
+        fits = fits and shapes[-1][0] == len(QUANTILES) and quantiles == list(QUANTILES)
+        fits = fits and [bias.shape for bias in biases] == [shape[:1] for shape in shapes]
+        if not fits or not all(np.isfinite(array).all() for array in arrays.values()):
             raise ModelError(f"{path} is no model of lengths by {QUANTILES}; {_MAKE}")
         if encoder not in (None, model.encoder):
             raise ModelError(
                 f"{path} reads the text encoder {model.encoder!r}, not {encoder!r}; {_MAKE}"
             )
         return model
-
-    def _fits_together(self) -> bool:
-        """Whether each layer takes what the one before gives, and all numbers are finite."""
-        if not self.weights or any(weight.ndim != 2 for weight in self.weights):
-            return False
-        rows = [len(weight) for weight in self.weights]
-        columns = [weight.shape[1] for weight in self.weights]
-        finite = all(bool(np.isfinite(array).all()) for array in (*self.weights, *self.biases))
-        shapes = [bias.shape for bias in self.biases] == [(count,) for count in rows]
-        return finite and shapes and columns[1:] == rows[:-1] and rows[-1] == len(QUANTILES)
 
 
 @dataclass(frozen=True)

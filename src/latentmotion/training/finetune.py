@@ -21,7 +21,7 @@ from latentmotion.errors import DataError, ModelError
 from latentmotion.export import package
 from latentmotion.measure.scene import describe
 from latentmotion.model import card as cards
-from latentmotion.model.card import find_model, lengths_file, read_card
+from latentmotion.model.card import LENGTHS_FILE, file_beside, find_model, read_card
 from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.backend import find_encoder, torch_pipeline
 from latentmotion.networks.checkpoint import WEIGHTS_FILE
@@ -140,7 +140,7 @@ def finetune(
     if settings.few_steps:
         student, distillation = student_of(model), settings.distillation
         objective = distillation.objective
-        knows_lengths = lengths_file(read_card(trained), trained) is not None
+        knows_lengths = file_beside(read_card(trained), trained, LENGTHS_FILE) is not None
         if isinstance(objective, TrajectoryRegression) and not knows_lengths:
             distillation = replace(distillation, objective=replace(objective, asked=0))
         trained = distill(

@@ -45,7 +45,7 @@ from tokenizers import Tokenizer
 from latentmotion.arrays import prefix_mask
 from latentmotion.errors import DataError, InputError
 from latentmotion.export.package import export_student
-from latentmotion.language.words import present_participle, third_person
+from latentmotion.language.words import inflect
 from latentmotion.networks.device import autocast
 from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
 from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, teacher_state
@@ -703,7 +703,11 @@ def plain_phrases(
     nouns = sorted({lemma for lemma, tag in tags if tag == "NOUN" and lemma.isalpha()})
     phrases = []
     for verb in verbs:
-        forms = {"plain": verb, "goes": third_person(verb), "going": present_participle(verb)}
+        forms = {
+            "plain": verb,
+            "goes": inflect(verb, "third"),
+            "going": inflect(verb, "participle"),
+        }
         phrases += [frame.format_map(forms) for frame in _WORDS["verb_frames"]]
     phrases += [f"{phrase} {generator.choice(_WORDS['manners'])}".strip() for phrase in phrases]
     phrases += [

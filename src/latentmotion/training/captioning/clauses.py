@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from itertools import pairwise
 
-from latentmotion.language.words import present_participle, third_person
+from latentmotion.language.words import inflect
 
 # Lists of words by name, `patterns`, groups of verbs and phrases.
 TABLE = tomllib.loads(
@@ -23,9 +23,11 @@ TABLE = tomllib.loads(
 
 VERBS = tuple(TABLE["verbs"].split())  # Base forms.
 
-BASE_OF_THIRD = {third_person(verb): verb for verb in VERBS}  # Base form by third person.
+BASE_OF_THIRD = {inflect(verb, "third"): verb for verb in VERBS}  # Base form by third person.
 
-BASE_OF_PARTICIPLE = {present_participle(verb): verb for verb in VERBS}  # Base form by participle.
+BASE_OF_PARTICIPLE = {
+    inflect(verb, "participle"): verb for verb in VERBS
+}  # Base form by participle.
 
 
 @dataclass(frozen=True)

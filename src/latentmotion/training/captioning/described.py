@@ -29,7 +29,7 @@ from latentmotion.data.sources.own import OwnMotions, find_motions
 from latentmotion.data.store import MANIFEST, CaptionRow, StoredClip
 from latentmotion.errors import DataError
 from latentmotion.language.reading import claims_of
-from latentmotion.language.words import plain, third_person
+from latentmotion.language.words import inflect, plain
 from latentmotion.measure.facts import Description
 from latentmotion.measure.scene import describe
 from latentmotion.ranking.agreement import check as check_agreement
@@ -368,8 +368,10 @@ def _sentence_of(words: list[str]) -> str:
     behind += [word for word in words[at + 1 :] if word not in _MANNERS]
     for number, word in enumerate(behind[1:], 1):
         if behind[number - 1] in ("and", "then") and word in _VERBS:
-            behind[number] = third_person(_VERBS[word])
-    return " ".join(filter(None, ["a person", third_person(_VERBS[words[at]]), *behind, *manners]))
+            behind[number] = inflect(_VERBS[word], "third")
+    return " ".join(
+        filter(None, ["a person", inflect(_VERBS[words[at]], "third"), *behind, *manners])
+    )
 
 
 Row = tuple[str, int, int]  # A sentence, the first frame that it describes, and one past the last.

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from latentmotion.language.words import present_participle
+from latentmotion.language.words import inflect
 from latentmotion.measure.facts import LEFT, RIGHT, Description, Event
 from latentmotion.measure.reported_acts import ReportedAct, acts_of
 from latentmotion.measure.whole_body import FAST, SLOW
@@ -146,7 +146,7 @@ def phrases(act: ReportedAct) -> list[str]:
         return _phrases_of(table, act) if table else [f"~do {act.kind.replace('_', ' ')}"]
     event = act.event
     if act.on:
-        going = present_participle(event.kind)
+        going = inflect(event.kind, "participle")
         to = "" if event.direction in ("forward", "place") else event.direction
         texts = [f"keep {going} {to}", f"{event.kind} on {to}", f"continue {going} {to}"]
         texts += [f"{event.kind} {to or 'forward'}"]

@@ -13,7 +13,14 @@ from latentmotion.diffusion.guidance import DistilledGuidance
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, sample
 from latentmotion.errors import InputError, ModelError
-from latentmotion.model.card import ModelCard, Provenance, find_model, lengths_file, read_card
+from latentmotion.model.card import (
+    LENGTHS_FILE,
+    ModelCard,
+    Provenance,
+    file_beside,
+    find_model,
+    read_card,
+)
 from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.motion import Motion
 from latentmotion.networks import checkpoint
@@ -156,7 +163,7 @@ def distill(
         fingerprint(former),
     )
     open_run(folder, run, context)
-    path = lengths_file(model.card, source)
+    path = file_beside(model.card, source, LENGTHS_FILE)
     lengths = path and LengthFile(path, model.card.condition.text_encoder)
     distillation_data = prepare_distillation(
         settings,
