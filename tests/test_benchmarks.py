@@ -479,7 +479,7 @@ def test_a_caption_is_told_better_than_another_movement(monkeypatch, capsys, tmp
     assert len(out.read_text().splitlines()) == 5
 
 
-@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.engine.encoder.UnknownWordsWarning")
 def test_dynamics_of_files_stand_beside_real_motion(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):

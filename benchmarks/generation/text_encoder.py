@@ -19,9 +19,9 @@ import torch
 from benchmarks.generation.ours import sentences
 from benchmarks.harness.contest import Contender, figure, table, take_turns, whole
 from latentmotion.condition import TextEncoder
+from latentmotion.engine.encoder import StudentTextEncoder
 from latentmotion.model.card import find_model
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
-from latentmotion.text.encoder import StudentTextEncoder
 from latentmotion.training.text_encoder import is_held_out, read_captions
 
 

@@ -26,6 +26,7 @@ from latentmotion.cleanup import CleanUp
 from latentmotion.condition import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine import request as requests
+from latentmotion.engine.encoder import MemoryCachedTextEncoder
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.formats import EngineName, fbx
 from latentmotion.formats.content import encoded
@@ -36,7 +37,6 @@ from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage import limits, reading, shards
 from latentmotion.storage.files import sha256
-from latentmotion.text.encoder import MemoryCachedTextEncoder
 
 COLUMNS = ("prompt", "seconds", "seed")  # Columns of a table that are read; the first is needed.
 

@@ -52,6 +52,14 @@ from latentmotion.engine.backend import (
     FeatureEncoder,
     representation_of,
 )
+from latentmotion.engine.encoder import (
+    MAX_PROMPTS,
+    CachedTextEncoder,
+    LazyTextEncoder,
+    MemoryCachedTextEncoder,
+    silent_of_unknown,
+)
+from latentmotion.engine.lengths import TAKE_QUANTILES, LengthFile, within
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import LazySession, PickledByFields, Runtime, Session
 from latentmotion.errors import InputError, ModelError
@@ -72,14 +80,6 @@ from latentmotion.progress import counted
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.retrieval.doubts import DoubtWarning, Reading
-from latentmotion.text.encoder import (
-    MAX_PROMPTS,
-    CachedTextEncoder,
-    LazyTextEncoder,
-    MemoryCachedTextEncoder,
-    silent_of_unknown,
-)
-from latentmotion.text.lengths import TAKE_QUANTILES, LengthFile, within
 
 if TYPE_CHECKING:
     from latentmotion.control.goals import Directed, Goal
@@ -515,7 +515,7 @@ class MotionPipeline(PickledByFields):
             sampler: As for one motion.
             from_clips: As for one motion, or for each.
             clean_up: Steps of the clean-up; by default motions stay as the networks make them.
-            quantiles: Of predicted lengths (`text.lengths.QUANTILES`), for each; by default the
+            quantiles: Of predicted lengths (`engine.lengths.QUANTILES`), for each; by default the
                 median.
 
         Raises:

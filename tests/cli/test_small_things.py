@@ -14,9 +14,9 @@ import pytest
 from latentmotion import MotionPipeline
 from latentmotion.cleanup import CleanUpWarning, clean
 from latentmotion.cli.main import main
+from latentmotion.engine.encoder import LongSentenceWarning
 from latentmotion.motion import Motion
 from latentmotion.storage.files import atomic_folder, check_replaceable
-from latentmotion.text.encoder import LongSentenceWarning
 from tests.support.walker import walker
 
 

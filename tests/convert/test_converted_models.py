@@ -14,6 +14,7 @@ from transformers import PreTrainedTokenizerFast
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.condition import ActionTask
+from latentmotion.engine.encoder import load_text_encoder
 from latentmotion.export.package import export_pretrained
 from latentmotion.model.config import (
     DenoiserConfig,
@@ -25,7 +26,6 @@ from latentmotion.model.config import (
 from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import save_model
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
-from latentmotion.text.encoder import load_text_encoder
 from tests.support.tiny_text import CAPTIONS, clip, teacher_tokenizer, write_dense, write_t5
 from tests.support.untrained import SMALL, card, untrained
 
@@ -65,7 +65,7 @@ def write_raw_model(folder: Path) -> None:
     save_model(folder, untrained(about, IdentityVAEConfig(263), denoiser))
 
 
-@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.LongSentenceWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.engine.encoder.LongSentenceWarning")
 @pytest.mark.parametrize("kind", ["clip", "clip_hidden", "sentence_t5"])
 def test_encoders_read_the_same_as_graphs(kind: str, clip_folder: Path, tmp_path: Path) -> None:
     source = clip_folder if kind != "sentence_t5" else tmp_path / "t5"

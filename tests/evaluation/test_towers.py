@@ -10,6 +10,7 @@ import torch
 
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
+from latentmotion.engine.encoder import StudentTextEncoder
 from latentmotion.errors import ModelError
 from latentmotion.evaluation.evaluators.interface import load_evaluator
 from latentmotion.evaluation.evaluators.text_motion import (
@@ -25,7 +26,6 @@ from latentmotion.evaluation.scores import reads_text
 from latentmotion.model.card import find_model
 from latentmotion.ranking.scorer import Scorer
 from latentmotion.ranking.search import read_training_vectors
-from latentmotion.text.encoder import StudentTextEncoder
 
 TINY = TowerConfig(hidden=24, motion_layers=1, text_layers=1, heads=2, width=12)
 

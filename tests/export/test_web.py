@@ -34,7 +34,7 @@ def joints(folder: Path, sentence: str, frames: int, seed: int, guidance: float)
     )[0]
 
 
-@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.LongSentenceWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.engine.encoder.LongSentenceWarning")
 @pytest.mark.filterwarnings("ignore::latentmotion.retrieval.doubts.DoubtWarning")
 @pytest.mark.parametrize("frames", (14, 81, 196))
 def test_the_graph_makes_the_joints_that_python_makes(
@@ -50,7 +50,7 @@ def test_the_graph_makes_the_joints_that_python_makes(
         np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
-@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.LongSentenceWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.engine.encoder.LongSentenceWarning")
 def test_the_graph_predicts_the_length_that_python_predicts(web_folder: Path, four_steps: Path):
     pipeline = MotionPipeline.from_pretrained(four_steps, "onnxruntime", 1)
     tokenizer = Tokenizer.from_file(str(web_folder / "tokenizer.json"))

@@ -95,8 +95,8 @@ def test_noise_is_numpys(answered: dict[str, Any]):
     np.testing.assert_array_max_ulp(found[~near], expected[~near], 1)
 
 
-@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
-@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.LongSentenceWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.engine.encoder.UnknownWordsWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.engine.encoder.LongSentenceWarning")
 @pytest.mark.filterwarnings("ignore::latentmotion.retrieval.doubts.DoubtWarning")
 def test_joints_are_pythons(answered: dict[str, Any], four_steps: Path):
     # The package makes one raw take, from noise, of the sentence as it stands.

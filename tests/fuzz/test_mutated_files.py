@@ -42,6 +42,7 @@ from latentmotion.data.packing import pack
 from latentmotion.data.sources.actor import humanact12_recordings
 from latentmotion.data.sources.humanml3d import read_texts
 from latentmotion.data.sources.own import OwnMotions
+from latentmotion.engine.lengths import LengthModel
 from latentmotion.errors import LatentMotionError
 from latentmotion.formats.asf_amc import read_asf_amc
 from latentmotion.formats.gltf_reader import read_animations
@@ -60,7 +61,6 @@ from latentmotion.studio.projects import write as write_project
 from latentmotion.studio.schemas import Project
 from latentmotion.study.design import KEY_FORMAT, KeyPair, StudyKey
 from latentmotion.study.report import read_key
-from latentmotion.text.lengths import LengthModel
 from tests.support import damaged
 from tests.support.action_files import write_humanact12
 from tests.support.moving_figures import write_moving_figures

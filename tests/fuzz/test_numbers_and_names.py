@@ -16,6 +16,7 @@ from tokenizers import Tokenizer
 from latentmotion import MotionPipeline, formats
 from latentmotion.control.scene import read_scene
 from latentmotion.diffusion.schedule import Cosine, ScaledLinear
+from latentmotion.engine.encoder import load_text_encoder
 from latentmotion.errors import FileFormatError, InputError, LatentMotionError, ModelError
 from latentmotion.formats.gltf_reader import read_animations
 from latentmotion.kinematics.smpl import load_smpl
@@ -24,7 +25,6 @@ from latentmotion.motion import Motion
 from latentmotion.ranking.scorer import Scorer
 from latentmotion.retarget import read_rig, transfer
 from latentmotion.storage.array_files import read_arrays
-from latentmotion.text.encoder import load_text_encoder
 from tests.support import damaged
 from tests.support.synthetic_smpl import write_synthetic_smpl
 from tests.support.walker import walker

@@ -13,13 +13,13 @@ from transformers import (
 )
 
 from latentmotion.condition import TextEmbedding
+from latentmotion.engine.encoder import CachedTextEncoder
 from latentmotion.errors import InputError, ModelError
 from latentmotion.networks.pretrained_text import (
     KINDS,
     PretrainedTextEncoder,
     packaged_minilm,
 )
-from latentmotion.text.encoder import CachedTextEncoder
 from tests.support.tiny_text import (
     CAPTIONS,
     MODELS,

@@ -338,7 +338,7 @@ def test_values_of_from_clips_are_counted(fast):
         fast.batch([RARE, RARE], from_clips=[True])
 
 
-@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.engine.encoder.UnknownWordsWarning")
 @pytest.mark.parametrize(
     ("sentence", "about"),
     [
@@ -520,7 +520,7 @@ def test_what_a_user_showed_has_no_gesture_over_it(fast):
     assert [clip["source"] for clip in motion.metadata["from_clips"]] == ["me"]
 
 
-@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.engine.encoder.UnknownWordsWarning")
 def test_a_sentence_near_a_taught_clip_is_read_as_it_stands(fast):
     pipeline = taught(fast, "i ape around")
     assert fast.read("ape around").caption and pipeline.read("ape around").caption is None

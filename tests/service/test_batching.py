@@ -10,6 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
+from latentmotion.engine.encoder import MemoryCachedTextEncoder
 from latentmotion.errors import InputError
 from latentmotion.service import state
 from latentmotion.service.batching import Batcher, BatchSettings, Prompt, run
@@ -17,7 +18,6 @@ from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
 from latentmotion.service.settings import Settings
 from latentmotion.service.state import ClientGoneError, unless_gone
-from latentmotion.text.encoder import MemoryCachedTextEncoder
 from tests.service.conftest import Called
 
 

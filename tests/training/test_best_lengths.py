@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from latentmotion.condition import TextEmbedding
-from latentmotion.text.lengths import LengthModel
+from latentmotion.engine.lengths import LengthModel
 from latentmotion.training.drawn_instructions import drawn_instructions
 from latentmotion.training.lengths import (
     LengthVerdicts,

@@ -12,6 +12,7 @@ from safetensors.numpy import load_file
 from latentmotion.cli.main import main
 from latentmotion.data import prepare
 from latentmotion.data.dataset import Dataset
+from latentmotion.engine.encoder import load_text_encoder
 from latentmotion.export import package
 from latentmotion.export.package import WriteTextEncoder
 from latentmotion.formats.bvh import write_bvh
@@ -20,7 +21,6 @@ from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.model.card import ModelCard, find_model, read_card
 from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import load_model
-from latentmotion.text.encoder import load_text_encoder
 from latentmotion.training import finetune
 from latentmotion.training.distillation import data as distillation_data
 from latentmotion.training.finetune import FineTuning

@@ -12,14 +12,14 @@ import pytest
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
 from latentmotion.condition import TextConditioning, UnconditionalTask
+from latentmotion.engine.encoder import load_text_encoder
+from latentmotion.engine.lengths import QUANTILES, SHORTEST_USUAL, LengthFile, LengthModel
 from latentmotion.engine.request import frames_of
 from latentmotion.errors import DataError, InputError, ModelError
 from latentmotion.model.card import LENGTHS_FILE, file_beside, find_model, read_card
 from latentmotion.model.config import ConvolutionalVAEConfig, DenoiserConfig, LatentSpace, Sampling
 from latentmotion.networks.backend import torch_pipeline
 from latentmotion.networks.checkpoint import save_model
-from latentmotion.text.encoder import load_text_encoder
-from latentmotion.text.lengths import QUANTILES, SHORTEST_USUAL, LengthFile, LengthModel
 from latentmotion.training.lengths import (
     CaptionLengths,
     LengthRecipe,
@@ -227,7 +227,7 @@ def test_trained_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 # People's captions are full of misspelled words.
-@pytest.mark.filterwarnings("ignore::latentmotion.text.encoder.UnknownWordsWarning")
+@pytest.mark.filterwarnings("ignore::latentmotion.engine.encoder.UnknownWordsWarning")
 def test_the_shipped_file_tells_lengths_as_documented(shared: Path) -> None:
     if not (shared / "data" / "humanml3d").is_dir():
         pytest.skip("needs HumanML3D's captions")

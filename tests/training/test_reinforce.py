@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+from latentmotion.engine.lengths import LengthModel
 from latentmotion.errors import InputError
 from latentmotion.networks.checkpoint import load_model
-from latentmotion.text.lengths import LengthModel
 from latentmotion.training.experiment import with_changes
 from latentmotion.training.reinforce import Reinforcement, reinforce
 from latentmotion.training.stages import train_denoiser

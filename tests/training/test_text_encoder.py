@@ -14,6 +14,7 @@ from safetensors import safe_open
 from safetensors.torch import load_file
 from torch import nn
 
+from latentmotion.engine.encoder import StudentTextEncoder, UnknownWordsWarning
 from latentmotion.errors import DataError, InputError, ModelError
 from latentmotion.networks.text_encoder import (
     NetworkShape,
@@ -22,7 +23,6 @@ from latentmotion.networks.text_encoder import (
     packed,
     teacher_state,
 )
-from latentmotion.text.encoder import StudentTextEncoder, UnknownWordsWarning
 from latentmotion.training.distributed import Ranks
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.loop import train

@@ -120,11 +120,11 @@ class RunExperiment:
             InputError: Table or budget is unknown.
         """
         from latentmotion.data.dataset import Dataset
+        from latentmotion.engine.encoder import CachedTextEncoder
         from latentmotion.evaluation.evaluators.interface import load_evaluator
         from latentmotion.evaluation.protocol import PROTOCOLS
         from latentmotion.networks.backend import text_encoder_named
         from latentmotion.reproduce import budget, runner, workspace
-        from latentmotion.text.encoder import CachedTextEncoder
         from latentmotion.training.distributed import distributed_context
 
         @cache

@@ -12,6 +12,7 @@ from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
 from latentmotion.data.dataset import Dataset
+from latentmotion.engine.lengths import LengthModel
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.text_motion import export_scorer, load_text_motion
 from latentmotion.export import package
@@ -23,7 +24,6 @@ from latentmotion.model.card import GraphPrecision, ModelCard, find_model
 from latentmotion.networks.backend import find_encoder, text_encoder_named
 from latentmotion.networks.checkpoint import load_stages, save_model
 from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder
-from latentmotion.text.lengths import LengthModel
 
 
 @dataclass(frozen=True)

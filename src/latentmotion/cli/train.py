@@ -20,6 +20,8 @@ from latentmotion.condition import TASKS, TextEncoder
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sources.own import OwnMotions
+from latentmotion.engine.encoder import CachedTextEncoder, StudentTextEncoder, UnknownWordsWarning
+from latentmotion.engine.lengths import LengthFile, LengthModel
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.action import describe_action_classifier
 from latentmotion.evaluation.evaluators.words import EncodedWords, read_glove
@@ -28,8 +30,6 @@ from latentmotion.networks.backend import find_encoder, text_encoder_named
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import check_replaceable, check_writable
-from latentmotion.text.encoder import CachedTextEncoder, StudentTextEncoder, UnknownWordsWarning
-from latentmotion.text.lengths import LengthFile, LengthModel
 from latentmotion.training import classifier, decoder, evaluator, lengths, stages
 from latentmotion.training.classifier import ClassifierExperiment
 from latentmotion.training.distillation import stage as distillation

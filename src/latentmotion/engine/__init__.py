@@ -1,1 +1,1 @@
-"""Running a trained model without PyTorch: graph sessions, padded batches, decoder and scales."""
+"""Networks without PyTorch: graphs, batches, the text encoder and its cache, predicted lengths."""

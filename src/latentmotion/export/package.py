@@ -33,6 +33,7 @@ from torch import Tensor, nn
 
 from latentmotion.condition import Conditioning
 from latentmotion.diffusion.schedule import StepCondition
+from latentmotion.engine.encoder import load_text_encoder
 from latentmotion.engine.session import PULLBACK_FILE, fused_sampler_file, open_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export import onnx as graphs
@@ -45,7 +46,6 @@ from latentmotion.networks.vae.interface import fingerprint
 from latentmotion.progress import counted
 from latentmotion.storage.files import atomic_file, atomic_folder
 from latentmotion.storage.provenance import PIPELINE, front_matter, license_fields
-from latentmotion.text.encoder import load_text_encoder
 
 # Largest difference allowed between the outputs of a graph and of its network.
 TOLERANCE: dict[cards.GraphPrecision, float] = {"float32": 1e-4, "int8": 0.1}

@@ -26,6 +26,7 @@ from torch import Tensor
 from latentmotion.condition import SentenceCondition, TextEmbedding
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import representation_of
+from latentmotion.engine.lengths import QUANTILES, SHORTEST_USUAL, LengthModel
 from latentmotion.engine.session import fused_sampler_file, open_session
 from latentmotion.errors import ModelError
 from latentmotion.export.onnx import FunctionModule, Weights, anonymous, scaled_rows, trace
@@ -33,7 +34,6 @@ from latentmotion.model import card as cards
 from latentmotion.model.card import RIGHTS_IN_MOTIONS
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import atomic_folder
-from latentmotion.text.lengths import QUANTILES, SHORTEST_USUAL, LengthModel
 
 MANIFEST_FILE = "web.json"
 WEIGHTS_FILE = "weights.bin"

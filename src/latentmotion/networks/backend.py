@@ -17,6 +17,8 @@ from torch import Tensor
 from latentmotion.condition import Conditioning, TextEncoder
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.backend import ON_CPU, Backend, ExecutionOptions, Padding
+from latentmotion.engine.encoder import load_text_encoder
+from latentmotion.engine.lengths import LengthFile
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.session import Session
 from latentmotion.errors import InputError, LatentMotionError, ModelError
@@ -36,8 +38,6 @@ from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import MAX_BATCH_SIZE, MotionPipeline
 from latentmotion.plugins import plugin_names
 from latentmotion.storage.configuration import part_named
-from latentmotion.text.encoder import load_text_encoder
-from latentmotion.text.lengths import LengthFile
 
 GPU_BATCH_SIZE = 256  # Maximum number of motions that go through the networks of a GPU at once.
 

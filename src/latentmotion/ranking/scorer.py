@@ -18,6 +18,7 @@ from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.condition import TextEncoder
+from latentmotion.engine.encoder import LazyTextEncoder
 from latentmotion.engine.session import LazySession
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import SHIPPED, Provenance, shipped_text_encoder
@@ -26,7 +27,6 @@ from latentmotion.representation import representation_named
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 from latentmotion.representation.interface import Representation
 from latentmotion.storage.configuration import read_json
-from latentmotion.text.encoder import LazyTextEncoder
 
 FORMAT = 1  # Version of scorer.json.
 

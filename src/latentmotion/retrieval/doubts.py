@@ -27,6 +27,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.condition import TextEncoder
+from latentmotion.engine.encoder import pieces
 from latentmotion.language.acts import lookups, of_a_person
 from latentmotion.language.claims import both_sides, mirror_words
 from latentmotion.language.reading import affirmed, is_idle, request_of, told_in_order
@@ -53,7 +54,6 @@ from latentmotion.retrieval.index import (
     ClipIndex,
     Neighbor,
 )
-from latentmotion.text.encoder import pieces
 
 # Cosine of the nearest caption below which a sentence is foreign, unless a wording is near. With
 # the other signs 2 % of 200 known sentences and 94 % of 161 foreign ones are doubted (lists of

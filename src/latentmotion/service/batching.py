@@ -25,12 +25,12 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from latentmotion.condition import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
+from latentmotion.engine.encoder import MemoryCachedTextEncoder
 from latentmotion.engine.request import GenerationRequest, frames_of
 from latentmotion.errors import LatentMotionError
 from latentmotion.pipeline import MotionPipeline, RawMotion
 from latentmotion.service.metrics import Metrics
 from latentmotion.service.problems import Problem
-from latentmotion.text.encoder import MemoryCachedTextEncoder
 
 # Key and payloads of a batch to a result, or an exception, for each.
 Run = Callable[[Hashable, Sequence[Any]], Sequence[Any]]

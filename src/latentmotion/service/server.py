@@ -19,11 +19,11 @@ from fastapi import FastAPI
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from latentmotion.cleanup.pipeline import CleanUpWarning
+from latentmotion.engine.encoder import UnknownWordsWarning
 from latentmotion.errors import InputError
 from latentmotion.retrieval.doubts import DoubtWarning
 from latentmotion.service.settings import CONNECTIONS, CONNECTIONS_OF_ADDRESS
 from latentmotion.storage.children import allow_open_files
-from latentmotion.text.encoder import UnknownWordsWarning
 
 # Time from the opening of a connection, or the first byte of a further request, to the end of the
 # request's head.

@@ -13,6 +13,7 @@ from latentmotion.cleanup import CleanUp, clean_batch
 from latentmotion.control.edit import ON_THE_WAY, generate_between, generate_edited
 from latentmotion.control.goals import Pose
 from latentmotion.control.scene import Scene, loop_or_timeline
+from latentmotion.engine.lengths import TAKE_QUANTILES
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
@@ -20,7 +21,6 @@ from latentmotion.representation.canonical import heading, turn
 from latentmotion.storage.configuration import from_json
 from latentmotion.studio.library import Edits, Library
 from latentmotion.studio.schemas import Recipe
-from latentmotion.text.lengths import TAKE_QUANTILES
 
 Made = tuple[Motion, dict[str, Any], str, Edits]  # Motion, recipe, title and edits of a take.
 

@@ -17,6 +17,7 @@ from latentmotion.data.prepare import Preparation, encode_all, merge
 from latentmotion.data.recording import Label, Recording
 from latentmotion.data.sources.own import OwnMotions, find_motions
 from latentmotion.data.store import MANIFEST, read_manifest
+from latentmotion.engine.encoder import CachedTextEncoder, UnknownWordsWarning
 from latentmotion.errors import DataError, ModelError
 from latentmotion.export import package
 from latentmotion.measure.scene import describe
@@ -29,7 +30,6 @@ from latentmotion.progress import counted
 from latentmotion.representation import representation_named
 from latentmotion.retrieval.doubts import DoubtWarning
 from latentmotion.storage.files import sha256
-from latentmotion.text.encoder import CachedTextEncoder, UnknownWordsWarning
 from latentmotion.training import stages
 from latentmotion.training.captioning import described
 from latentmotion.training.checking import fulfills

@@ -30,12 +30,12 @@ from latentmotion.data.clip import TAG_RATE, Split, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sources.humanml3d import read_index, read_splits, read_texts, sentences_of
 from latentmotion.data.store import COMPOSED
+from latentmotion.engine.lengths import QUANTILES, LengthModel
 from latentmotion.errors import DataError, InputError
 from latentmotion.measure.scene import describe
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.progress import counted
 from latentmotion.storage.files import write_file
-from latentmotion.text.lengths import QUANTILES, LengthModel
 from latentmotion.training.checking import fulfills
 from latentmotion.training.drawn_instructions import drawn_instructions
 

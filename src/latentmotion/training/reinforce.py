@@ -22,10 +22,10 @@ from latentmotion.condition import TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.instructions import Instruction
 from latentmotion.diffusion.parametrization import add_noise
+from latentmotion.engine.lengths import LengthFile, LengthModel
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, LatentModel, load_model, save_model
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.storage.files import sha256
-from latentmotion.text.lengths import LengthFile, LengthModel
 from latentmotion.training.denoiser import DenoiserStage, LatentData
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.drawn_instructions import drawn_instructions

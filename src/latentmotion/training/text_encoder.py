@@ -43,6 +43,7 @@ from jaxtyping import Bool, Float, Int
 from tokenizers import Tokenizer
 
 from latentmotion.arrays import prefix_mask
+from latentmotion.engine.encoder import StudentTextEncoder, silent_of_unknown, split_words
 from latentmotion.errors import DataError, InputError
 from latentmotion.export.package import export_student
 from latentmotion.language.words import inflect
@@ -51,7 +52,6 @@ from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
 from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, teacher_state
 from latentmotion.storage.files import atomic_folder, write_file
 from latentmotion.storage.reading import parse_json, read_json_file, read_text, unpack_xz
-from latentmotion.text.encoder import StudentTextEncoder, silent_of_unknown, split_words
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.loop import Stage, train

@@ -27,6 +27,7 @@ from torch import Tensor
 from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
+from latentmotion.engine.encoder import StudentTextEncoder
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.evaluators.interface import EVALUATOR_FILE, WEIGHTS_FILE
 from latentmotion.evaluation.evaluators.text_motion_network import (
@@ -45,7 +46,6 @@ from latentmotion.ranking.search import training_vectors
 from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import atomic_folder
-from latentmotion.text.encoder import StudentTextEncoder
 
 FORMAT = 1  # Version of evaluator.json.
 

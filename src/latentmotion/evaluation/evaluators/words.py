@@ -20,10 +20,10 @@ from jaxtyping import Bool, Float, Int
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.data.clip import Caption
+from latentmotion.engine.encoder import AroundEncoder, silent_of_unknown
 from latentmotion.errors import FileFormatError, ModelError
 from latentmotion.storage import pickles
 from latentmotion.storage.array_files import read_array
-from latentmotion.text.encoder import AroundEncoder, silent_of_unknown
 
 MAX_WORDS = 20  # Most words of a sentence.
 

@@ -19,12 +19,12 @@ from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
 from latentmotion.data.instructions import Instruction, instructions
 from latentmotion.engine.backend import FeatureDecoder, representation_of
+from latentmotion.engine.encoder import silent_of_unknown
+from latentmotion.engine.lengths import LengthFile
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import FewStepConfig
 from latentmotion.networks.checkpoint import LatentModel
-from latentmotion.text.encoder import silent_of_unknown
-from latentmotion.text.lengths import LengthFile
 from latentmotion.training.captioning.clauses import read_clauses
 from latentmotion.training.captioning.rewording import rewordings, written_wordings
 from latentmotion.training.denoiser import keep_crops

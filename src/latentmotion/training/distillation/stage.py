@@ -12,6 +12,7 @@ from latentmotion.data.dataset import Cropping, Dataset
 from latentmotion.diffusion.guidance import DistilledGuidance
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, sample
+from latentmotion.engine.lengths import LengthFile
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import (
     LENGTHS_FILE,
@@ -29,7 +30,6 @@ from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.interface import mean_of_real
 from latentmotion.pipeline import sampler_of
 from latentmotion.storage.files import sha256
-from latentmotion.text.lengths import LengthFile
 from latentmotion.training.denoiser_loss import step_loss
 from latentmotion.training.distillation.data import (
     Distillation,

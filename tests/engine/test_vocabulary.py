@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from latentmotion.engine.encoder import split_words
 from latentmotion.errors import DataError
-from latentmotion.text.encoder import split_words
 from latentmotion.training.text_encoder import (
     frequent_words,
     is_held_out,

@@ -13,11 +13,11 @@ from safetensors import SafetensorError
 
 from latentmotion import MotionPipeline
 from latentmotion.condition import TextEmbedding, TextEncoder
+from latentmotion.engine import encoder as cache
+from latentmotion.engine.encoder import CachedTextEncoder, LazyTextEncoder, UnknownWordsWarning
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.storage.files import cache_folder
-from latentmotion.text import encoder as cache
-from latentmotion.text.encoder import CachedTextEncoder, LazyTextEncoder, UnknownWordsWarning
 
 
 class Letters:

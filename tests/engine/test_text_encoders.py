@@ -13,10 +13,8 @@ import pytest
 from safetensors.numpy import save_file
 
 from latentmotion.condition import TextEmbedding, TextEncoder
-from latentmotion.errors import InputError, ModelError
-from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, find_model
-from latentmotion.text import encoder as cache
-from latentmotion.text.encoder import (
+from latentmotion.engine import encoder as cache
+from latentmotion.engine.encoder import (
     CachedTextEncoder,
     EncoderWithVocabulary,
     GraphTextEncoder,
@@ -26,7 +24,9 @@ from latentmotion.text.encoder import (
     load_text_encoder,
     warn_of_unknown,
 )
-from latentmotion.text.lengths import QUANTILES, SHORTEST_USUAL, LengthFile, LengthModel
+from latentmotion.engine.lengths import QUANTILES, SHORTEST_USUAL, LengthFile, LengthModel
+from latentmotion.errors import InputError, ModelError
+from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, find_model
 from tests.support.tiny_text import teacher_tokenizer
 
 
@@ -117,7 +117,7 @@ def test_an_encoder_is_loaded_when_it_is_first_needed(
         loaded.append(folder)
         return graph_encoder()
 
-    monkeypatch.setattr("latentmotion.text.encoder.load_text_encoder", load)
+    monkeypatch.setattr("latentmotion.engine.encoder.load_text_encoder", load)
     encoder = LazyTextEncoder(tmp_path, "made up", 2)
     assert not loaded
     encoder(["a kick"])

@@ -1,1 +1,0 @@
-"""Text encoding without PyTorch: the exported encoder, its vocabulary, cache and length model."""
