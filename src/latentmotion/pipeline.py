@@ -779,7 +779,16 @@ class MotionPipeline(PickledByFields):
         batch, noise = requests.padded_batch(request, condition, self.card.latents, backend)
         (remaining,) = set(request.remaining)
         if remaining is None and sampling.steps in backend.fused:
-            return backend.run_fused(batch, sampling)
+            return backend.fused[sampling.steps](
+                noise=batch.noise,
+                words=batch.words,
+                words_mask=batch.words_mask,
+                mask=batch.tokens,
+                frames=batch.frames,
+                guidance=backend.to_device(
+                    np.full(len(batch.noise), sampling.guidance, np.float32)
+                ),
+            )
         sampler = self.sampler(sampling)
         if remaining is not None:
             first = remaining_times(sampler.schedule, sampling.steps, remaining)[0]

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sized
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass, field
 from shutil import get_terminal_size
 from threading import Event, Thread
 from time import monotonic
@@ -21,17 +22,13 @@ SILENT = 60.0  # Seconds without any output after which a line says that the job
 _BARS: ContextVar[list[Any] | None] = ContextVar("bars", default=None)
 
 
+@dataclass
 class _Job:
     """What a job last said, and what it is doing."""
 
-    def __init__(self) -> None:
-        self.start = self.last = monotonic()
-        self.doing = ""
-
-    def line(self) -> str:
-        """Returns the line of a silent minute."""
-        minutes = round((monotonic() - self.start) / 60)
-        return f"still running after {minutes} min" + (f", {self.doing}" if self.doing else "")
+    start: float = field(default_factory=monotonic)
+    last: float = field(default_factory=monotonic)
+    doing: str = ""
 
 
 class _Noticed:
@@ -71,7 +68,9 @@ def shown_progress(quiet: bool = False) -> Iterator[None]:
     def tell() -> None:
         while not ended.wait(max(job.last + SILENT - monotonic(), 0.01)):
             if monotonic() - job.last >= SILENT:
-                print(job.line(), file=err, flush=True)
+                minutes = round((monotonic() - job.start) / 60)
+                doing = f", {job.doing}" if job.doing else ""
+                print(f"still running after {minutes} min{doing}", file=err, flush=True)
                 job.last = monotonic()
 
     sys.stdout, sys.stderr = _Noticed(out, job), _Noticed(err, job)

@@ -17,6 +17,7 @@ from latentmotion.language.reading import claims_of
 from latentmotion.measure.facts import Description
 from latentmotion.measure.scene import describe
 from latentmotion.ranking.agreement import check
+from latentmotion.representation.canonical import canonicalize
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES
 from latentmotion.training.captioning.described import Windows, caption_windows, holds
 from latentmotion.training.captioning.sentences import sentences
@@ -193,7 +194,7 @@ def test_hdm05_is_read_as_its_classes_say(shared: Path, tmp_path: Path) -> None:
     for item in hdm05_groups(tmp_path)[0].read():
         assert isinstance(item, Recording)
         kind, side = next(acts for name, acts in expected.items() if name in item.label.id)
-        joints = HUMANML3D_FEATURES.canonicalize(HUMANML3D_FEATURES.retarget(item.joints))
+        joints = canonicalize(HUMANML3D_FEATURES.retarget(item.joints), HUMANML3D_FEATURES.skeleton)
         seen += 1
         right += bool(describe(joints).find(kind, side))
     assert seen > 50

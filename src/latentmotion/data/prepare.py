@@ -19,6 +19,7 @@ from latentmotion.data.sources import LABELS
 from latentmotion.data.store import StoredClip, StoredMotion, StoredNormalizer, stored_normalizer
 from latentmotion.errors import DataError
 from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.representation.canonical import canonicalize
 from latentmotion.representation.interface import Normalizer, Representation
 from latentmotion.storage.configuration import write_json
 
@@ -47,8 +48,8 @@ def encode(recording: Recording, representation: Representation) -> EncodedRecor
         return Dropped(recording.label.id, "clip", reason)
     joints = representation.retarget(joints)
     features = representation.encode(joints)
-    expected = representation.canonicalize(joints[:-1])
-    decoded = representation.canonicalize(representation.decode(features))
+    expected = canonicalize(joints[:-1], representation.skeleton)
+    decoded = canonicalize(representation.decode(features), representation.skeleton)
     error_mm = float(np.linalg.norm(decoded - expected, axis=-1).max() * 1000)
     return EncodedRecording(recording.label, features, error_mm)
 

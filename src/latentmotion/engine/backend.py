@@ -28,7 +28,6 @@ from latentmotion.engine.session import (
 )
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
-from latentmotion.model.config import Sampling
 from latentmotion.representation import representation_named
 from latentmotion.representation.interface import Normalizer, Representation, Scale
 from latentmotion.representation.smpl import SmplRepresentation
@@ -107,18 +106,6 @@ class Backend:
             open_decoder(card, folder, runtime, threads),
             {n: LazySession(path, runtime, threads) for n, path in fused.items() if path.is_file()},
             LazySession(pullback, runtime, threads) if pullback.is_file() else None,
-        )
-
-    def run_fused(self, batch: Batch, sampling: Sampling) -> Float[Any, "batch frames features"]:
-        """Generates features by the fused sampler for this number of steps."""
-        guidance = np.full(len(batch.noise), sampling.guidance, np.float32)
-        return self.fused[sampling.steps](
-            noise=batch.noise,
-            words=batch.words,
-            words_mask=batch.words_mask,
-            mask=batch.tokens,
-            frames=batch.frames,
-            guidance=self.to_device(guidance),
         )
 
 

@@ -74,7 +74,7 @@ class HumanML3DRepresentation(Representation):
         """
         self.check(joints)
         xp = array_namespace(joints)
-        joints = self.canonicalize(xp.astype(joints, xp.float64))
+        joints = canonical.canonicalize(xp.astype(joints, xp.float64), self.skeleton)
         yaw = canonical.smooth_heading(joints, self.skeleton)
         return self.describe(joints, xp.concat([xp.zeros_like(yaw[:1]), yaw[1:]]))
 

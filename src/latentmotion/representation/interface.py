@@ -18,7 +18,6 @@ from jaxtyping import Float
 from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
-from latentmotion.representation import canonical
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +56,6 @@ class Representation(ABC):
     @abstractmethod
     def retarget(self, joints: Float[Any, "frames _ 3"]) -> Float[Any, "frames joints 3"]:
         """Gives a body of any size the skeleton's bone lengths."""
-
-    def canonicalize(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
-        """Moves the lowest point to the floor and the start to the origin, facing +z."""
-        return canonical.canonicalize(joints, self.skeleton)
 
     def restart(
         self, features: Float[Any, "*batch frames features"]

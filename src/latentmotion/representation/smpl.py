@@ -88,7 +88,7 @@ class SmplRepresentation(Representation):
         xp = array_namespace(joints)
         positions = np.asarray(joints, dtype=np.float64)
         self.check(positions)
-        positions = self.canonicalize(positions)
+        positions = canonical.canonicalize(positions, self.skeleton)
         rotations = canonical.rotations_from(
             self.skeleton, solve(positions, self.fps, self.skeleton)
         )

@@ -374,29 +374,10 @@ def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str 
     return None if named and named != named_sides(caption) else caption
 
 
-@dataclass(frozen=True)
-class Fit:
-    """How well a drawn clip fits a sentence."""
-
-    nearest: float  # Cosine of its nearest caption.
-    mean: float  # Mean cosine of all its captions.
-    share: float  # Share of the weight of the sentence's words that its captions have.
-
-    @property
-    def score(self) -> float:
-        """What clips are compared by."""
-        return self.nearest + BY_ALL * self.mean + BY_WORDS * self.share
-
-    @property
-    def is_enough(self) -> bool:
-        """Whether its captions say enough of the sentence for it to be started from."""
-        return self.nearest >= NEARLY_ALIKE or self.mean + self.share >= LEAST_SUM
-
-
-def fit(
+def _fit(
     neighbor: Neighbor, sides: Float[np.ndarray, "sides width"], sentence: str, index: ClipIndex
-) -> Fit:
-    """Returns how well the clip of a drawn caption fits a sentence.
+) -> tuple[float, bool]:
+    """Returns how well a drawn clip fits a sentence, and whether well enough to be started from.
 
     Args:
         neighbor: The nearest caption of the clip.
@@ -410,7 +391,9 @@ def fit(
     forms = [other_forms(word) | {word} for word in content_words(sentence)]
     weights = [index.weight(every) for every in forms]
     said = sum(weight for weight, every in zip(weights, forms, strict=True) if words & every)
-    return Fit(neighbor.cosine, mean, said / max(sum(weights), 1e-6))
+    share = said / max(sum(weights), 1e-6)
+    score = neighbor.cosine + BY_ALL * mean + BY_WORDS * share
+    return score, neighbor.cosine >= NEARLY_ALIKE or mean + share >= LEAST_SUM
 
 
 def fitting(
@@ -443,10 +426,10 @@ def fitting(
         or named == named_sides(n.caption.text)  # its other sentences are nearer by chance
         or n.cosine > itself + MIRRORED
     ]
-    fits = {n: fit(n, sides, sentence, index) for n in near if n.caption.support == DRAWN}
-    best = sorted(fits, key=lambda neighbor: -fits[neighbor].score)
-    least = fits[best[0]].score - ALIKE if best else 0.0
-    drawn = [n for n in best if fits[n].score >= least and fits[n].is_enough]
+    fits = {n: _fit(n, sides, sentence, index) for n in near if n.caption.support == DRAWN}
+    best = sorted(fits, key=lambda neighbor: -fits[neighbor][0])
+    least = fits[best[0]][0] - ALIKE if best else 0.0
+    drawn = [n for n in best if fits[n][0] >= least and fits[n][1]]
     first = max((n.cosine for n in drawn), default=0.0)
     others = [n for n in near if n not in fits]
     left = [
@@ -454,6 +437,6 @@ def fitting(
         *drawn,
         *(n for n in others if n.cosine <= first),
     ]
-    misfit = bool(fits) and not fits[max(fits, key=lambda n: n.cosine)].is_enough
+    misfit = bool(fits) and not fits[max(fits, key=lambda n: n.cosine)][1]
     far = bool(left) and left[0].cosine < near[0].cosine - ABOUT
     return [] if misfit and far else left
