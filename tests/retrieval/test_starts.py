@@ -56,7 +56,8 @@ def test_a_drawn_movement_is_started_from_where_its_words_are_said(fast, sentenc
 
 
 @pytest.mark.parametrize(
-    "sentence", ["pick something up while walking", "point up with both hands"]
+    "sentence",
+    ["pick something up while walking", "point up with both hands", "rotate rightward"],
 )
 def test_other_words_are_no_start(fast, sentence):
     assert fast.clip_starts.chooser.choices(fast.read(sentence)) == []

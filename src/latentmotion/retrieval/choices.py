@@ -360,6 +360,8 @@ class Chooser(SentenceReader):
                 ways = {gait.direction for text in texts for gait in _gaits_of(text)}
                 goes = ways and (ways | {""}).issuperset(gait.direction for gait in gaits)
                 support = support if goes else max(support, OFTEN)
+            if first and "turn" in _claims(sentence) - self._claims_of(drawn[0]):
+                support = max(support, OFTEN)  # "rotate rightward" is no turn of the torso alone
         return Choice(tuple(self._on_side(n, sentence) for n in same), support, sentence)
 
     def _names(self, captions: Sequence[str], clauses: Sequence[str]) -> bool:
