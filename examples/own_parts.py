@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from latentmotion.arrays import array_namespace
-from latentmotion.condition import TextEmbedding
+from latentmotion.diffusion.condition import TextEmbedding
 
 
 class Letters:

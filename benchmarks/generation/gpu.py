@@ -27,7 +27,7 @@ import torch
 from benchmarks.generation.roofline import ordered, report
 from benchmarks.harness.contest import figure, table
 from benchmarks.training.device import training_rows
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.engine.backend import ExecutionOptions
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.networks.backend import torch_pipeline

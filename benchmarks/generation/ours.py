@@ -15,7 +15,7 @@ from typing import Any
 
 from benchmarks.harness.stopwatch import Laps, Stopwatch
 from latentmotion.cli.options import Runtime
-from latentmotion.condition import Condition
+from latentmotion.diffusion.condition import Condition
 from latentmotion.model.card import ModelCard, find_model, read_card
 from latentmotion.pipeline import MotionPipeline
 

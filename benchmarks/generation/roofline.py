@@ -30,7 +30,7 @@ from torch.utils.flop_counter import flop_registry
 
 from benchmarks.harness.ceilings import Ceilings
 from benchmarks.harness.contest import figure, table
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.backend import ON_CPU, ExecutionOptions
 from latentmotion.engine.request import GenerationRequest

@@ -18,7 +18,7 @@ import torch
 
 from benchmarks.generation.ours import sentences
 from benchmarks.harness.contest import Contender, figure, table, take_turns, whole
-from latentmotion.condition import TextEncoder
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.encoder import StudentTextEncoder
 from latentmotion.model.card import find_model
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor, nn
 
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.guidance import drop
 from latentmotion.networks.checkpoint import build
 from latentmotion.networks.vae.interface import vae_losses

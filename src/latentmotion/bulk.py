@@ -23,7 +23,7 @@ from safetensors.numpy import save
 
 from latentmotion import __version__
 from latentmotion.cleanup import CleanUp
-from latentmotion.condition import SentenceCondition
+from latentmotion.diffusion.condition import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine import request as requests
 from latentmotion.engine.encoder import MemoryCachedTextEncoder

@@ -26,7 +26,7 @@ from jaxtyping import Float
 
 from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
 from latentmotion.cleanup.floor import land_walkers
-from latentmotion.condition import Condition, Conditioning, SentenceCondition, TextEncoder
+from latentmotion.diffusion.condition import Condition, Conditioning, SentenceCondition, TextEncoder
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
 from latentmotion.diffusion.parametrization import (
     Estimator,

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.condition import Conditioning
 from latentmotion.control.goals import Heading, Reach, TargetResidual, targets_of
 from latentmotion.control.reach import (
     CorrectedDenoiser,
@@ -20,6 +19,7 @@ from latentmotion.control.reach import (
     least_step,
     reach,
 )
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.parametrization import (
     Epsilon,
     ParametrizedDenoiser,

@@ -13,7 +13,7 @@ from transformers import PreTrainedTokenizerFast
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
-from latentmotion.condition import ActionTask
+from latentmotion.diffusion.condition import ActionTask
 from latentmotion.engine.encoder import load_text_encoder
 from latentmotion.export.package import export_pretrained
 from latentmotion.model.config import (

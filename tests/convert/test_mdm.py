@@ -10,9 +10,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from latentmotion.condition import Conditioning, SentenceCondition, TextEmbedding
 from latentmotion.convert import convert_checkpoint
 from latentmotion.convert.mld import Origin
+from latentmotion.diffusion.condition import Conditioning, SentenceCondition, TextEmbedding
 from latentmotion.diffusion.schedule import Cosine
 from latentmotion.errors import InputError, ModelError
 from latentmotion.networks.checkpoint import load_model

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, drop, guided
 from latentmotion.diffusion.parametrization import (
     Epsilon,

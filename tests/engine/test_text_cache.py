@@ -12,7 +12,7 @@ import pytest
 from safetensors import SafetensorError
 
 from latentmotion import MotionPipeline
-from latentmotion.condition import TextEmbedding, TextEncoder
+from latentmotion.diffusion.condition import TextEmbedding, TextEncoder
 from latentmotion.engine import encoder as cache
 from latentmotion.engine.encoder import CachedTextEncoder, LazyTextEncoder, UnknownWordsWarning
 from latentmotion.errors import InputError, ModelError

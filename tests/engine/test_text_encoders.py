@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from latentmotion.condition import TextEmbedding, TextEncoder
+from latentmotion.diffusion.condition import TextEmbedding, TextEncoder
 from latentmotion.engine import encoder as cache
 from latentmotion.engine.encoder import (
     CachedTextEncoder,

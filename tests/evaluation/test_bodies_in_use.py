@@ -11,9 +11,9 @@ import pytest
 import torch
 
 from latentmotion.cli.main import main
-from latentmotion.condition import ActionTask
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sources.actor import ACTIONS
+from latentmotion.diffusion.condition import ActionTask
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.action import (
     ActionClassifier,

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from benchmarks.generation.roofline import Traffic, traffic
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.evaluation.cost import aits, flops, parameters
 from latentmotion.networks.checkpoint import build
 from latentmotion.networks.transformer import CrossAttention, SelfAttention, encoder_stack

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from latentmotion.condition import ActionTask, TextTask, UnconditionalTask
 from latentmotion.data.clip import Caption, Clip
+from latentmotion.diffusion.condition import ActionTask, TextTask, UnconditionalTask
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError
 from latentmotion.evaluation.candidates import Generated

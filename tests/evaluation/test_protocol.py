@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from latentmotion.condition import ActionTask, UnconditionalTask
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
+from latentmotion.diffusion.condition import ActionTask, UnconditionalTask
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import DataError, FileFormatError, InputError, ModelError
 from latentmotion.evaluation.candidates import Generated, Prior, Reconstructed

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from latentmotion.condition import ActionTask, TaskName, TextTask, UnconditionalTask
 from latentmotion.data.clip import Caption, Clip
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import CaptionRow, StoredClip
+from latentmotion.diffusion.condition import ActionTask, TaskName, TextTask, UnconditionalTask
 from latentmotion.errors import DataError, InputError
 from latentmotion.evaluation.protocol import (
     CLEAN,

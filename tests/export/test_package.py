@@ -12,7 +12,7 @@ from safetensors.torch import load_file, save_file
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
-from latentmotion.condition import TextTask
+from latentmotion.diffusion.condition import TextTask
 from latentmotion.diffusion.parametrization import Epsilon, Velocity
 from latentmotion.diffusion.schedule import LinearPath, ScaledLinear
 from latentmotion.errors import ModelError

@@ -11,7 +11,7 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.engine.session import Runtime, open_session
 from latentmotion.errors import ModelError
 from latentmotion.export.onnx import FEWEST, export_denoiser, share_weights

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from latentmotion import MotionPipeline
-from latentmotion.condition import TextTask
+from latentmotion.diffusion.condition import TextTask
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.session import open_decoder
 from latentmotion.errors import InputError, ModelError

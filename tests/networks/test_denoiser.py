@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.model.config import DenoiserConfig, TransformerConfig
 from latentmotion.networks.checkpoint import build
 from latentmotion.networks.denoiser import DenoiserNetwork

@@ -12,9 +12,9 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from latentmotion.condition import Conditioning, TextTask
 from latentmotion.convert import convert_checkpoint
 from latentmotion.convert.mld import Origin
+from latentmotion.diffusion.condition import Conditioning, TextTask
 from latentmotion.errors import ModelError
 from latentmotion.model.config import Sampling
 from latentmotion.networks.checkpoint import LatentModel, load_model

@@ -12,7 +12,7 @@ from transformers import (
     PreTrainedTokenizerFast,
 )
 
-from latentmotion.condition import TextEmbedding
+from latentmotion.diffusion.condition import TextEmbedding
 from latentmotion.engine.encoder import CachedTextEncoder
 from latentmotion.errors import InputError, ModelError
 from latentmotion.networks.pretrained_text import (

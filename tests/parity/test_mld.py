@@ -14,9 +14,9 @@ import torch
 from safetensors.torch import load_file
 from torch import Tensor
 
-from latentmotion.condition import Conditioning, TextEmbedding, TextEncoder
 from latentmotion.convert import convert_checkpoint
 from latentmotion.convert.mld import Origin
+from latentmotion.diffusion.condition import Conditioning, TextEmbedding, TextEncoder
 from latentmotion.diffusion.guidance import guided
 from latentmotion.diffusion.samplers import DDIM, sample
 from latentmotion.errors import InputError

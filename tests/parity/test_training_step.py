@@ -15,9 +15,9 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from latentmotion.condition import Conditioning
 from latentmotion.convert import reading
 from latentmotion.convert.mld import Origin, load_denoiser, load_vae
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.parametrization import Epsilon, Sample
 from latentmotion.networks.vae.interface import vae_losses
 from latentmotion.representation.humanml3d import HUMANML3D_FEATURES

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from latentmotion.condition import TextEmbedding
+from latentmotion.diffusion.condition import TextEmbedding
 from latentmotion.model.config import FewStepConfig
 from latentmotion.training import loop
 from latentmotion.training.distillation.data import (

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.condition import ActionTask
+from latentmotion.diffusion.condition import ActionTask
 from latentmotion.diffusion.parametrization import Velocity
 from latentmotion.diffusion.schedule import LinearPath
 from latentmotion.export.package import package_model

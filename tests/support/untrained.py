@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import torch
 
-from latentmotion.condition import TextTask
+from latentmotion.diffusion.condition import TextTask
 from latentmotion.diffusion.parametrization import Epsilon
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.model.card import ModelCard

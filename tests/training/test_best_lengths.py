@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from latentmotion.condition import TextEmbedding
+from latentmotion.diffusion.condition import TextEmbedding
 from latentmotion.engine.lengths import LengthModel
 from latentmotion.training.drawn_instructions import drawn_instructions
 from latentmotion.training.lengths import (

@@ -10,9 +10,9 @@ import pytest
 import torch
 
 from latentmotion.cli.main import main
-from latentmotion.condition import TextEmbedding
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
+from latentmotion.diffusion.condition import TextEmbedding
 from latentmotion.errors import DataError, InputError
 from latentmotion.evaluation.evaluators.interface import load_evaluator
 from latentmotion.evaluation.evaluators.text_motion import T2MEvaluator

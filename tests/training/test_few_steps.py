@@ -11,10 +11,10 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from latentmotion.condition import ActionTask, Conditioning, TextEmbedding
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Dataset, Item
 from latentmotion.data.instructions import instructions
+from latentmotion.diffusion.condition import ActionTask, Conditioning, TextEmbedding
 from latentmotion.diffusion.guidance import ClassifierFreeGuidance, DistilledGuidance
 from latentmotion.diffusion.parametrization import Epsilon, Sample, Velocity
 from latentmotion.diffusion.samplers import DDIM

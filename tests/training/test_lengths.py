@@ -11,7 +11,7 @@ import pytest
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
-from latentmotion.condition import TextConditioning, UnconditionalTask
+from latentmotion.diffusion.condition import TextConditioning, UnconditionalTask
 from latentmotion.engine.encoder import load_text_encoder
 from latentmotion.engine.lengths import QUANTILES, SHORTEST_USUAL, LengthFile, LengthModel
 from latentmotion.engine.request import frames_of

@@ -13,8 +13,8 @@ import pytest
 import torch
 
 from latentmotion.cli.main import main
-from latentmotion.condition import Conditioning
 from latentmotion.data.store import read_manifest
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.samplers import DDIM
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import find_model

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
-from latentmotion.condition import TextEncoder
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.reproduce.table import TABLES, rows_named, table_named
 
 if TYPE_CHECKING:

@@ -23,9 +23,9 @@ from latentmotion.ranking.best import usual_takes
 from latentmotion.storage import files, reading
 
 if TYPE_CHECKING:
-    from latentmotion.condition import TextEncoder
     from latentmotion.control.goals import Goal
     from latentmotion.control.scene import Scene
+    from latentmotion.diffusion.condition import TextEncoder
 
 _OUTPUT = (
     f"Files to write; the extension selects the format: {' '.join(formats.ENDINGS)}. "

@@ -16,10 +16,10 @@ import torch
 from tyro.conf import OmitArgPrefixes, arg
 
 from latentmotion.cli import options
-from latentmotion.condition import TASKS, TextEncoder
 from latentmotion.data.clip import Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sources.own import OwnMotions
+from latentmotion.diffusion.condition import TASKS, TextEncoder
 from latentmotion.engine.encoder import CachedTextEncoder, StudentTextEncoder, UnknownWordsWarning
 from latentmotion.engine.lengths import LengthFile, LengthModel
 from latentmotion.errors import InputError

@@ -10,8 +10,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.condition import Condition
 from latentmotion.control.reach import CorrectedDenoiser, Correction, DecodedMotion, Sample
+from latentmotion.diffusion.condition import Condition
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, remaining_times, sample
 from latentmotion.engine.backend import Backend, FeatureDecoder

@@ -28,7 +28,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.parametrization import Estimates, Mask, ParametrizedDenoiser
 from latentmotion.errors import InputError
 from latentmotion.representation.canonical import turn

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.condition import TextConditioning, TextTask
 from latentmotion.convert import mld
 from latentmotion.diffusion import parametrization, schedule
+from latentmotion.diffusion.condition import TextConditioning, TextTask
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.config import DenoiserConfig, IdentityVAEConfig, Sampling
 from latentmotion.networks import checkpoint

@@ -17,9 +17,9 @@ from typing import Literal, TypeVar
 import numpy as np
 from torch import Tensor, nn
 
-from latentmotion.condition import ActionTask, TextTask
 from latentmotion.convert import reading
 from latentmotion.data.sources.actor import ACTIONS
+from latentmotion.diffusion.condition import ActionTask, TextTask
 from latentmotion.diffusion.parametrization import Epsilon, Sample
 from latentmotion.diffusion.schedule import ScaledLinear
 from latentmotion.errors import InputError, ModelError

@@ -1,1 +1,1 @@
-"""Noise and latents."""
+"""Noise and latents, and the condition that both follow."""

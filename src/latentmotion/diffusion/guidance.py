@@ -23,7 +23,7 @@ from typing import Any, Literal
 from jaxtyping import Bool
 
 from latentmotion.arrays import array_namespace
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.parametrization import (
     Denoiser,
     Latents,

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.arrays import array_namespace, device
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.schedule import Schedule, Time
 
 Latents = Float[Any, "batch tokens width"]

@@ -17,7 +17,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.engine.session import (
     PULLBACK_FILE,
     LazySession,

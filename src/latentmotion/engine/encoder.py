@@ -34,7 +34,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from latentmotion.arrays import unit
-from latentmotion.condition import TextEmbedding, TextEncoder, stack
+from latentmotion.diffusion.condition import TextEmbedding, TextEncoder, stack
 from latentmotion.engine.session import PickledByFields, onnxruntime_session
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import text_encoder_files

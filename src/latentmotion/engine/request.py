@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.diffusion.schedule import Schedule
 from latentmotion.engine.backend import Backend, Batch

@@ -32,7 +32,7 @@ from torch import nn
 from torch.nn.attention import SDPBackend, sdpa_kernel
 from torch.utils.flop_counter import FlopCounterMode
 
-from latentmotion.condition import TextEncoder
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.evaluation.candidates import Generated
 from latentmotion.evaluation.protocol import TestPrompt
 from latentmotion.networks.backend import torch_pipeline

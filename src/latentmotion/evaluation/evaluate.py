@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from latentmotion.condition import TASKS, TaskName
 from latentmotion.data.dataset import Dataset
+from latentmotion.diffusion.condition import TASKS, TaskName
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation import scores as scoring
 from latentmotion.evaluation.candidates import Candidate, Generated, Motions

@@ -14,9 +14,9 @@ from zlib import crc32
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.condition import TASKS, Task, TaskName
 from latentmotion.data.clip import Caption, Clip
 from latentmotion.data.dataset import Dataset
+from latentmotion.diffusion.condition import TASKS, Task, TaskName
 from latentmotion.errors import DataError, InputError
 
 ProtocolName = Literal["clean", "paper"]  # Names of the protocols.

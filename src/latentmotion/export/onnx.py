@@ -35,7 +35,7 @@ from onnx import GraphProto, ModelProto, NodeProto, TensorProto, helper, numpy_h
 from torch import Tensor, nn
 from torch.export import Dim
 
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.guidance import DistilledGuidance
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.diffusion.schedule import StepCondition

@@ -31,7 +31,7 @@ from safetensors.torch import save_file
 from tokenizers import Tokenizer
 from torch import Tensor, nn
 
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.encoder import load_text_encoder
 from latentmotion.engine.session import PULLBACK_FILE, fused_sampler_file, open_session

@@ -23,7 +23,7 @@ from onnx import ModelProto, TensorProto, compose, helper, numpy_helper, parser
 from tokenizers import Tokenizer
 from torch import Tensor
 
-from latentmotion.condition import SentenceCondition, TextEmbedding
+from latentmotion.diffusion.condition import SentenceCondition, TextEmbedding
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import representation_of
 from latentmotion.engine.lengths import QUANTILES, SHORTEST_USUAL, LengthModel

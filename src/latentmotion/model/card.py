@@ -16,7 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-from latentmotion.condition import (
+from latentmotion.diffusion.condition import (
     ActionTask,
     Condition,
     TaskName,

@@ -14,7 +14,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from latentmotion.condition import Conditioning, TextEncoder
+from latentmotion.diffusion.condition import Conditioning, TextEncoder
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.backend import ON_CPU, Backend, ExecutionOptions, Padding
 from latentmotion.engine.encoder import load_text_encoder

@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from latentmotion.condition import Conditioning
+from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.model.config import DenoiserConfig
 from latentmotion.networks import transformer

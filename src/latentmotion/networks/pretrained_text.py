@@ -33,7 +33,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import Tensor, nn
 
-from latentmotion.condition import TextEmbedding, stack
+from latentmotion.diffusion.condition import TextEmbedding, stack
 from latentmotion.errors import InputError, MissingExtraError, ModelError
 
 FOLDER = "2_Dense"  # Where the layer is kept.

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from latentmotion.cleanup import USUAL, CleanUp, CleanUpWarning, clean_batch
-from latentmotion.condition import Condition, SentenceCondition
+from latentmotion.diffusion.condition import Condition, SentenceCondition
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import (
     floating,

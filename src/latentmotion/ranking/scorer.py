@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.condition import TextEncoder
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.encoder import LazyTextEncoder
 from latentmotion.engine.session import LazySession
 from latentmotion.errors import InputError, ModelError

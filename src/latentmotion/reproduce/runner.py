@@ -22,7 +22,7 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
 
-from latentmotion.condition import TextEncoder
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.errors import DataError, InputError
 from latentmotion.evaluation.candidates import Candidate, Generated, Prior, Reconstructed
 from latentmotion.evaluation.cost import cost_of, longest_of

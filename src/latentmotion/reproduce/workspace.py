@@ -28,8 +28,8 @@ from typing import Literal
 import torch
 from safetensors.torch import load_file
 
-from latentmotion.condition import TASKS, Conditioning, TextEncoder
 from latentmotion.data.dataset import Dataset
+from latentmotion.diffusion.condition import TASKS, Conditioning, TextEncoder
 from latentmotion.errors import InputError
 from latentmotion.evaluation.cost import flops, parameters
 from latentmotion.evaluation.report import Figure

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.condition import TextEncoder
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.encoder import pieces
 from latentmotion.language.acts import lookups, of_a_person
 from latentmotion.language.claims import both_sides, mirror_words

@@ -26,10 +26,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from latentmotion.arrays import unit
-from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import Caption, Source
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import COMPOSED
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.errors import InputError
 from latentmotion.language.words import words_of
 from latentmotion.model.card import ModelCard

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import unit
-from latentmotion.condition import TextEncoder
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.errors import FileFormatError, InputError
 from latentmotion.retrieval.index import (
     EMBEDDING_LEVELS,

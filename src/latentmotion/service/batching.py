@@ -23,7 +23,7 @@ from functools import partial
 from threading import Condition, Thread, get_native_id
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-from latentmotion.condition import SentenceCondition
+from latentmotion.diffusion.condition import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
 from latentmotion.engine.encoder import MemoryCachedTextEncoder
 from latentmotion.engine.request import GenerationRequest, frames_of

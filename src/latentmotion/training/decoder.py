@@ -16,8 +16,8 @@ from pathlib import Path
 import torch
 from jaxtyping import Bool, Float
 
-from latentmotion.condition import TextEncoder
 from latentmotion.data.dataset import Dataset
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.diffusion.parametrization import add_noise
 from latentmotion.errors import InputError, ModelError
 from latentmotion.export.package import check_latents, other_figures, scale_of

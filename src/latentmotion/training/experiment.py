@@ -25,9 +25,9 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import unit
-from latentmotion.condition import TaskName, TextConditioning
 from latentmotion.data.dataset import Cropping, Item
 from latentmotion.data.store import COMPOSED
+from latentmotion.diffusion.condition import TaskName, TextConditioning
 from latentmotion.errors import InputError, hint
 from latentmotion.model.config import DenoiserConfig, Sampling, VAEConfig
 from latentmotion.networks.vae.interface import VAEObjective

@@ -25,11 +25,11 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import TAG_RATE, Split, fit_sentences
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.sources.humanml3d import read_index, read_splits, read_texts, sentences_of
 from latentmotion.data.store import COMPOSED
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.lengths import QUANTILES, LengthModel
 from latentmotion.errors import DataError, InputError
 from latentmotion.measure.scene import describe

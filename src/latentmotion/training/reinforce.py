@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from latentmotion.condition import TextEncoder
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.instructions import Instruction
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.diffusion.parametrization import add_noise
 from latentmotion.engine.lengths import LengthFile, LengthModel
 from latentmotion.networks.checkpoint import WEIGHTS_FILE, LatentModel, load_model, save_model

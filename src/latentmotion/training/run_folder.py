@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 import torch
 from safetensors.torch import save_file
 
-from latentmotion.condition import TASKS, Conditioning
 from latentmotion.data.dataset import Dataset
+from latentmotion.diffusion.condition import TASKS, Conditioning
 from latentmotion.diffusion.parametrization import Estimator
 from latentmotion.diffusion.samplers import Sampler, SeededNoise
 from latentmotion.engine.backend import Batch, FeatureDecoder, representation_of

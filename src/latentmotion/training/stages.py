@@ -11,8 +11,8 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.condition import SentenceCondition, TextEncoder, TextTask
 from latentmotion.data.dataset import Dataset, Item
+from latentmotion.diffusion.condition import SentenceCondition, TextEncoder, TextTask
 from latentmotion.engine.backend import normalizer_of
 from latentmotion.errors import InputError, ModelError
 from latentmotion.kinematics.smpl import SmplModel, load_smpl

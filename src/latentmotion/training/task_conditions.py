@@ -14,10 +14,10 @@ from functools import partial
 import numpy as np
 import torch
 
-from latentmotion import condition as tasks
-from latentmotion.condition import Condition, Conditioning, TextEncoder
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset, Item, items_of
+from latentmotion.diffusion import condition as tasks
+from latentmotion.diffusion.condition import Condition, Conditioning, TextEncoder
 from latentmotion.errors import InputError
 from latentmotion.training.experiment import Experiment
 

@@ -24,9 +24,9 @@ from onnx import helper, numpy_helper
 from safetensors.torch import save_file
 from torch import Tensor
 
-from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.encoder import StudentTextEncoder
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.evaluators.interface import EVALUATOR_FILE, WEIGHTS_FILE

@@ -14,10 +14,10 @@ import numpy as np
 import torch
 
 from latentmotion.arrays import prefix_mask
-from latentmotion.condition import TextEncoder
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Crop, Cropping, Dataset, Item
 from latentmotion.data.instructions import Instruction, instructions
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.backend import FeatureDecoder, representation_of
 from latentmotion.engine.encoder import silent_of_unknown
 from latentmotion.engine.lengths import LengthFile

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import torch
 
-from latentmotion.condition import TextEncoder
 from latentmotion.data.dataset import Cropping, Dataset
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.diffusion.guidance import DistilledGuidance
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, sample

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from latentmotion.condition import (
+from latentmotion.diffusion.condition import (
     TASKS,
     ActionCondition,
     ActionTask,

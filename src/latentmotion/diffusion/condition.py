@@ -2,7 +2,7 @@
 
 Two steps, so that embeddings can be kept on disk in training: a text encoder turns sentences into
 a `TextEmbedding`; from it, or from a label, a `Conditioning` is made, which is all a denoiser sees.
-Every implementation is checked (tests/condition/test_conditions.py) for this:
+Every implementation is checked (tests/diffusion/test_conditions.py) for this:
 the order in the batch does not matter, neither does the company a sentence is in, and the null
 condition depends on no input.
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from latentmotion.condition import (
+from latentmotion.diffusion.condition import (
     ActionCondition,
     Condition,
     SentenceCondition,

@@ -15,8 +15,8 @@ import torch
 
 from latentmotion import MotionPipeline
 from latentmotion.cli.main import main
-from latentmotion.condition import ActionCondition, ActionTask, Unconditional
 from latentmotion.data.store import read_manifest
+from latentmotion.diffusion.condition import ActionCondition, ActionTask, Unconditional
 from latentmotion.errors import InputError
 from latentmotion.export import onnx
 from latentmotion.model.card import read_card
