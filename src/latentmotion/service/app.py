@@ -12,7 +12,6 @@ import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from functools import partial
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
@@ -101,11 +100,30 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
     """
     service = Service(settings or Settings())
     jobs = Jobs(service, service.settings.jobs)
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        # FastAPI builds a route when it is first asked for, with warnings turned off for the
+        # process; now no other thread does the same, and no request waits for it.
+        app.openapi()
+        works = service.start(), service.watch(), jobs.work()
+        tasks = [asyncio.create_task(work) for work in works]
+        yield
+        service.drain()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        await service.stop()
+
+    async def on_gone(request: Request, error: Exception) -> Response:
+        service.metrics.dropped.inc()
+        return Response(status_code=499)
+
     app = FastAPI(
         title="Latent Motion",
         version=__version__,
         description="Sentences become 3D human motion.",
-        lifespan=partial(_lifespan, service, jobs),
+        lifespan=lifespan,
         docs_url=None,
         redoc_url=None,
         responses=_PROBLEMS,
@@ -114,7 +132,7 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
     for kind in (HTTPException, LatentMotionError, OSError):
         app.add_exception_handler(kind, problems.on_error)
     app.add_exception_handler(RequestValidationError, problems.on_fields)
-    app.add_exception_handler(ClientGoneError, _on_gone)
+    app.add_exception_handler(ClientGoneError, on_gone)
     app.add_exception_handler(Exception, problems.on_failure)
     for routes in (_health, _motions, uploads.routes, streams.routes):
         app.include_router(routes(service))
@@ -142,25 +160,6 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
     for middleware in reversed(service.settings.middleware):
         app.add_middleware(middleware)
     return app
-
-
-@asynccontextmanager
-async def _lifespan(service: Service, jobs: Jobs, app: FastAPI) -> AsyncIterator[None]:
-    # FastAPI builds a route when it is first asked for, with warnings turned off for the process;
-    # now no other thread does the same, and no request waits for it.
-    app.openapi()
-    tasks = [asyncio.create_task(work) for work in (service.start(), service.watch(), jobs.work())]
-    yield
-    service.drain()
-    for task in tasks:
-        task.cancel()
-    await asyncio.gather(*tasks, return_exceptions=True)
-    await service.stop()
-
-
-async def _on_gone(request: Request, error: Exception) -> Response:
-    request.app.state.service.metrics.dropped.inc()
-    return Response(status_code=499)
 
 
 def _health(service: Service) -> APIRouter:

@@ -21,7 +21,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import partial
 from threading import Condition, Thread, get_native_id
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar
 
 from latentmotion.diffusion.condition import SentenceCondition
 from latentmotion.diffusion.samplers import SamplerName
@@ -46,7 +46,6 @@ Only root may set a niceness below the one that a service was started with.
 CLIENT: ContextVar[str] = ContextVar("client", default="")
 
 
-@runtime_checkable
 class Waiting(Protocol):
     """An item of a queue."""
 
@@ -229,7 +228,22 @@ class Batcher:
     def _work(self, nice: int) -> None:
         if sys.platform == "linux":  # elsewhere it would be the whole process
             os.setpriority(os.PRIO_PROCESS, get_native_id(), nice)
-        while batch := self._take():
+        while True:
+            # The task whose turn it is, and others of its key; none at the end.
+            batch: list[_Task] = []
+            with self._changed:
+                while not (batch or self._ends):
+                    for line in (self._waiting, self._background):  # background tasks come last
+                        waiting = [task for task in line if not task.future.cancelled()]
+                        batch += self._turns.order(waiting)
+                        batch = [task for task in batch if task.key == batch[0].key][: self._batch]
+                        line.clear()
+                        line.extend(task for task in waiting if task not in batch)
+                    self._turns.served(batch)
+                    if not batch:
+                        self._changed.wait()
+            if not batch:
+                return
             began = time.monotonic()
             for task in batch:
                 self._metrics.waited.observe(began - task.since)
@@ -247,22 +261,6 @@ class Batcher:
             with suppress(RuntimeError):  # the loop has ended
                 loop = batch[0].future.get_loop()
                 loop.call_soon_threadsafe(_deliver, batch, results)
-
-    def _take(self) -> list[_Task]:
-        """Waits for the task whose turn it is, and others of its key; returns none at the end."""
-        batch: list[_Task] = []
-        with self._changed:
-            while not (batch or self._ends):
-                for line in (self._waiting, self._background):  # background tasks come last
-                    waiting = [task for task in line if not task.future.cancelled()]
-                    ordered = [*batch, *self._turns.order(waiting)]
-                    batch = [task for task in ordered if task.key == ordered[0].key][: self._batch]
-                    line.clear()
-                    line.extend(task for task in waiting if task not in batch)
-                self._turns.served(batch)
-                if not batch:
-                    self._changed.wait()
-        return batch
 
 
 def _deliver(batch: Sequence[_Task], results: Sequence[Any]) -> None:

@@ -137,8 +137,13 @@ class Guard:
         """
         headers, settings = Headers(scope=scope), self.settings
         host = headers.get("host", "")
+        name = host.strip().lower()
+        if not name.startswith("["):
+            name = name.partition(":")[0]  # without the port
+        elif not (port := name.partition("]")[2]) or port.startswith(":"):
+            name = name[1:].partition("]")[0]
         # Another host is a name that somebody bound to this address (DNS rebinding).
-        if settings.hosts and _name(host) not in settings.hosts:
+        if settings.hosts and name not in settings.hosts:
             detail = f"host {host[:100]!r} is not served; call one of {', '.join(settings.hosts)}"
             raise Problem(403, f"{detail}, or start the service with --hosts")
         origin = headers.get("origin")
@@ -195,12 +200,3 @@ class Guard:
             return message
 
         return bounded
-
-
-def _name(host: str) -> str:
-    """Returns the name in a Host header, without the port."""
-    host = host.strip().lower()
-    if host.startswith("["):
-        name, _, port = host[1:].partition("]")
-        return name if not port or port.startswith(":") else host
-    return host.partition(":")[0]

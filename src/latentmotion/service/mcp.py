@@ -168,21 +168,6 @@ def picture(motions: Sequence[Motion], figures: int = 9) -> Image:
         return Image(data=file.read_bytes(), format="png")
 
 
-def _told(tool: Callable[..., Any]) -> Callable[..., Any]:
-    """Makes errors of the input what the agent reads, and tells doubts."""
-
-    @wraps(tool)
-    def run(*arguments: Any, **named: Any) -> Any:
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # doubts stand in the motion's notes
-                return tool(*arguments, **named)
-        except LatentMotionError as error:
-            raise ToolError(str(error)) from error
-
-    return run
-
-
 def server(pipeline: MotionPipeline, folder: Path) -> MCPServer:
     """Returns the server of a model.
 
@@ -198,11 +183,25 @@ def server(pipeline: MotionPipeline, folder: Path) -> MCPServer:
         "answer; generate again with another seed or wording if it does not show what was asked.",
         log_level="WARNING",
     )
+
+    def told(tool: Callable[..., Any]) -> Callable[..., Any]:
+        """Makes errors of the input what the agent reads, and tells doubts."""
+
+        @wraps(tool)
+        def run(*arguments: Any, **named: Any) -> Any:
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # doubts stand in the motion's notes
+                    return tool(*arguments, **named)
+            except LatentMotionError as error:
+                raise ToolError(str(error)) from error
+
+        return run
+
     for name in ("generate", "direct", "describe", "search", "retarget", "render"):
+        tool = told(getattr(tools, name))
         # Only a search is structured: pictures are not JSON.
-        tool_server.add_tool(
-            _told(getattr(tools, name)), name=name, structured_output=name == "search"
-        )
+        tool_server.add_tool(tool, name=name, structured_output=name == "search")
     tool_server.resource(
         "latentmotion://scene.schema.json", name="scene", mime_type="application/schema+json"
     )(lambda: SCHEMA_FILE.read_text(encoding="utf-8"))

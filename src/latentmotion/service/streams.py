@@ -80,13 +80,13 @@ class ClientStream:
                     seconds = STRIDE * CALL / pipeline.representation.fps
                     settings = BatchSettings(said.steps, said.guidance, None, False)
                     check(pipeline, settings, [Prompt(said.prompt, seconds, said.seed)])
-                elif self._motion is None:
-                    raise InputError("the first message needs a prompt")
-                if self._motion is None:
+                if self._motion is not None and said.prompt is not None:
+                    self._motion.say(said.prompt)
+                elif said.prompt is not None:
                     arguments = said.prompt, said.seed, said.steps, said.guidance
                     self._motion = generate_stream(pipeline, *arguments)
-                elif said.prompt is not None:
-                    self._motion.say(said.prompt)
+                elif self._motion is None:
+                    raise InputError("the first message needs a prompt")
                 if said.ack is not None:
                     self._acknowledged = max(self._acknowledged, min(said.ack, self._sent))
                 self._said.set()

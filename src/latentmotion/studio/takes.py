@@ -200,6 +200,24 @@ def transfer_routes(service: Service, library: Library) -> APIRouter:
             }
             return StreamingResponse(pieces(path), headers=headers, media_type=MEDIA_TYPES["zip"])
 
+    def stored(name: str, file: Path) -> list[StoredTake]:
+        """Keeps the motions of an imported file."""
+        motions = npz.read_motions(file)
+        if len(motions) > MOST_IMPORTED:
+            count = f"{name!r} has {len(motions)} motions"
+            raise InputError(f"{count}, expected at most {MOST_IMPORTED}")
+        names = motions[0].skeleton.names
+        if names != HUMANML3D.names:
+            raise InputError(
+                f"{name!r} has {len(names)} joints of skeleton {motions[0].skeleton.name!r}; "
+                f"expected the {len(HUMANML3D)} of {HUMANML3D.name}, or a skeleton whose names are "
+                "known"
+            )
+        return library.add(
+            (motion.cut(), {"imported": name}, motion.caption or Path(name).stem, Edits())
+            for motion in motions
+        )
+
     @router.post("/import", openapi_extra=BINARY_BODY)
     async def imported(request: Request, name: schemas.FileName) -> dict[str, Any]:
         """Keep the motions of a file, each as a take."""
@@ -211,32 +229,10 @@ def transfer_routes(service: Service, library: Library) -> APIRouter:
             task = {"verb": "convert", "file": f"motion.{ending}", "format": "npz", "clean": None}
             task |= {"folder": str(folder), "fps": None}
             await unless_gone(request, service.read(task))
-            takes = await run_in_threadpool(_store_motions, library, name, folder / "answer")
+            takes = await run_in_threadpool(stored, name, folder / "answer")
         return {"takes": [take.about() for take in takes]}
 
     return router
-
-
-def _store_motions(library: Library, name: str, file: Path) -> list[StoredTake]:
-    """Keeps the motions of an imported file.
-
-    Raises:
-        InputError: They are too many, or their joints are not those of the model.
-    """
-    motions = npz.read_motions(file)
-    if len(motions) > MOST_IMPORTED:
-        raise InputError(f"{name!r} has {len(motions)} motions, expected at most {MOST_IMPORTED}")
-    names = motions[0].skeleton.names
-    if names != HUMANML3D.names:
-        raise InputError(
-            f"{name!r} has {len(names)} joints of skeleton {motions[0].skeleton.name!r}; expected "
-            f"the {len(HUMANML3D)} of {HUMANML3D.name}, or a skeleton whose names are known"
-        )
-    titles = [motion.caption or Path(name).stem for motion in motions]
-    return library.add(
-        (motion.cut(), {"imported": name}, title, Edits())
-        for motion, title in zip(motions, titles, strict=True)
-    )
 
 
 @dataclass(frozen=True)
