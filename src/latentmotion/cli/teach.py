@@ -18,7 +18,7 @@ from latentmotion.model.card import DEFAULT, MOVES_FILE
 from latentmotion.motion import features_of
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.retrieval import wordings
-from latentmotion.retrieval.index import ClipIndex, index_file, joined
+from latentmotion.retrieval.index import index_file, joined
 from latentmotion.retrieval.teach import ShownClip, build_index, shown_clips, thinned
 from latentmotion.storage.files import check_writable
 
@@ -75,11 +75,27 @@ class Teach:
         target = self.output / MOVES_FILE
         check_writable(target if self.output.exists() else self.output)
         pipeline = MotionPipeline.from_pretrained(self.model)
+        space, encoder = pipeline.representation, pipeline.text_encoder
+        encoders = pipeline.feature_encoder, encoder
         if not prepared:
-            index = self._of_clip(pipeline)
+            owner, clips = self.credit or self.output.resolve().name, []
+            for number, motion in enumerate(formats.load(self.file)):
+                features = features_of(motion, space)
+                if self.between:
+                    start, end = (round(time * space.fps) for time in self.between)
+                    if not 0 <= start < end <= len(features) + 1:
+                        raise InputError(
+                            f"--between {self.between[0]:g} {self.between[1]:g}: the clip lasts "
+                            f"{len(features) / space.fps:.1f} s"
+                        )
+                    features = features[start:end]
+                name = self.file.stem + (f"-{number + 1}" if number else "")
+                captions = tuple(Caption(text.strip(), 0, len(features)) for text in self.sentences)
+                clips.append(ShownClip(name, owner, self.file.name, features, captions))
+            source = Source(owner, self.license, self.credit)
+            index = build_index(clips, [source], pipeline.card, *encoders).preferred()
         else:
-            dataset, encoder = Dataset.load(self.file), pipeline.text_encoder
-            encoders = pipeline.feature_encoder, encoder
+            dataset = Dataset.load(self.file)
             index = build_index(shown_clips(dataset), dataset.sources, pipeline.card, *encoders)
             index = thinned(index)
             if self.wordings:
@@ -95,24 +111,3 @@ class Teach:
         print(f"wrote {target}: {len(index.clips)} clips, {len(index.captions)} sentences")
         sentence = self.sentences[0] if self.sentences else index.captions[0].text
         print(f'try: latentmotion generate "{sentence}" --moves {self.output}')
-
-    def _of_clip(self, pipeline: MotionPipeline) -> ClipIndex:
-        """Returns an index of the clips of a file."""
-        space, owner = pipeline.representation, self.credit or self.output.resolve().name
-        clips = []
-        for number, motion in enumerate(formats.load(self.file)):
-            features = features_of(motion, space)
-            if self.between:
-                start, end = (round(time * space.fps) for time in self.between)
-                if not 0 <= start < end <= len(features) + 1:
-                    raise InputError(
-                        f"--between {self.between[0]:g} {self.between[1]:g}: the clip lasts "
-                        f"{len(features) / space.fps:.1f} s"
-                    )
-                features = features[start:end]
-            name = self.file.stem + (f"-{number + 1}" if number else "")
-            captions = tuple(Caption(text.strip(), 0, len(features)) for text in self.sentences)
-            clips.append(ShownClip(name, owner, self.file.name, features, captions))
-        source = Source(owner, self.license, self.credit)
-        encoders = pipeline.feature_encoder, pipeline.text_encoder
-        return build_index(clips, [source], pipeline.card, *encoders).preferred()

@@ -325,9 +325,15 @@ def _csv(path: Path) -> dict[str, Any]:
         raise FileFormatError(path, f"unknown column {min(extra)!r}; expected NAME_x and so on", 1)
     if len(rows) > MOST_FRAMES + 1:
         raise FileFormatError(path, f"more than {MOST_FRAMES:,} frames")
-    table = np.array(
-        [_cells(path, n, row, len(header)) for n, row in enumerate(rows[1:], 2) if row]
-    )
+    filled = [(line, row) for line, row in enumerate(rows[1:], 2) if row]
+    table = np.full((len(filled), len(header)), np.nan)  # NaN where a cell is empty
+    for place, (line, row) in enumerate(filled):
+        if len(row) != len(header):
+            problem = f"found {len(row)} values, expected {len(header)}"
+            raise FileFormatError(path, problem, line)
+        words = [(column, word) for column, word in enumerate(row) if word.strip()]
+        columns_of_row = [column for column, _ in words]
+        table[place, columns_of_row] = numbers(path, line, [word for _, word in words], len(words))
     if len(table) < 2:
         raise FileFormatError(path, f"{len(table)} frames, expected 2 or more")
     fps = None
@@ -371,14 +377,3 @@ def _evenly(
 
 # Usual steps between frames that a recording may leave out.
 _LONGEST_GAP = 5.0
-
-
-def _cells(path: Path, line: int, row: Sequence[str], count: int) -> Float[np.ndarray, " count"]:
-    """Returns the numbers of a row; NaN where a cell is empty."""
-    if len(row) != count:
-        raise FileFormatError(path, f"found {len(row)} values, expected {count}", line)
-    values = np.full(count, np.nan)
-    for column, word in enumerate(row):
-        if word.strip():
-            values[column] = numbers(path, line, [word], 1)[0]
-    return values

@@ -418,7 +418,15 @@ def _track(person: Mapping[str, Any], path: Path) -> PersonTrack:
     frames = frames.astype(np.int64)
     if len(frames) != len(rotations) or not len(frames):
         raise ValueError(f"{len(frames)} numbers of frames for {len(rotations)} poses")
-    rotations, trans = rotations[:, :_JOINTS].copy(), _translation(person, len(rotations))
+    rotations = rotations[:, :_JOINTS].copy()
+    # The path in the world, if that is what the file has.
+    names = ["trans_world", "smpl_trans"] + ["transl"] * ("world" in person)
+    path_in_world, trans = value(*names, *["trans"] * ("poses" in person)), None
+    if path_in_world is not None:
+        scale = person.get("smpl_scaling", 1.0) if "smpl_trans" in person else 1.0
+        trans = np.asarray(path_in_world, np.float64).reshape(-1, 3) / float(np.ravel(scale)[0])
+        if len(trans) != len(rotations) or not (np.abs(trans) < limits.MOST_NUMBER).all():
+            raise ValueError(f"a path of the shape {trans.shape} for {len(rotations)} poses")
     folder = path.absolute().parent
     camera_file = folder.parent / _CAMERA
     if "pred_rotmat" in person and folder.name == _PERSONS and camera_file.is_file():  # TRAM's
@@ -430,22 +438,3 @@ def _track(person: Mapping[str, Any], path: Path) -> PersonTrack:
         trans = np.einsum("tab,tb->ta", turn, trans + PELVIS) + shift - PELVIS
     frames, order = np.unique(frames, return_index=True)
     return PersonTrack(rotations[order], None if trans is None else trans[order], frames)
-
-
-def _translation(person: Mapping[str, Any], count: int) -> Float[np.ndarray, "frames 3"] | None:
-    """Returns the path in the world, if that is what the file has."""
-    scale = 1.0
-    if "trans_world" in person:
-        value = person["trans_world"]
-    elif "smpl_trans" in person:
-        value, scale = person["smpl_trans"], float(np.ravel(person.get("smpl_scaling", 1.0))[0])
-    elif person.get("world") and "transl" in person:
-        value = person["transl"]
-    elif "poses" in person:
-        value = person["trans"]
-    else:
-        return None
-    trans = np.asarray(value, np.float64).reshape(-1, 3) / scale
-    if len(trans) != count or not (np.abs(trans) < limits.MOST_NUMBER).all():
-        raise ValueError(f"a path of the shape {trans.shape} for {count} poses")
-    return trans

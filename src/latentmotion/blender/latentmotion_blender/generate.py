@@ -69,7 +69,15 @@ class GenerationTask:
         goals, paths, now = [], [], (scene.frame_current, scene.frame_subframe)
         for item in scene.objects:
             joint = directing.joint_of(item)
-            for frame in directing.frames_of(item, _curves(item)) if joint else []:
+            animation = item.animation_data
+            action = animation.action if animation else None
+            if action is None or hasattr(action, "fcurves"):  # before Blender 5
+                bags = [action] if action else []
+            else:
+                strips = (strip for layer in action.layers for strip in layer.strips)
+                bags = [strip.channelbag(animation.action_slot) for strip in strips]
+            curves = [curve for bag in bags if bag for curve in bag.fcurves]
+            for frame in directing.frames_of(item, curves) if joint else []:
                 scene.frame_set(int(frame // 1), subframe=frame % 1)
                 goals.append(directing.Goal(joint, frame, tuple(item.matrix_world.translation)))
             if item.type == "CURVE" and item.name.partition(".")[0] == "path":
@@ -169,21 +177,6 @@ class GenerationTask:
 
 
 _SETTINGS = ("prompt", "seconds", "seed", "takes", "model", "directed_by")
-
-
-def _curves(item: bpy.types.Object) -> list[bpy.types.FCurve]:
-    """Returns the animation curves of an object, of Blender 4 or 5."""
-    animation = item.animation_data
-    if animation is None or animation.action is None:
-        return []
-    if hasattr(animation.action, "fcurves"):
-        return list(animation.action.fcurves)
-    bags = [
-        strip.channelbag(animation.action_slot)
-        for layer in animation.action.layers
-        for strip in layer.strips
-    ]
-    return [curve for bag in bags if bag for curve in bag.fcurves]
 
 
 def target_of(context: bpy.types.Context) -> bpy.types.Object | None:
