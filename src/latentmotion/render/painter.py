@@ -202,9 +202,37 @@ def oversampled(size: tuple[int, int]) -> tuple[int, int]:
     return size[0] * OVERSAMPLING, size[1] * OVERSAMPLING
 
 
-def new_picture(size: tuple[int, int]) -> Picture:
-    """Returns an empty picture, oversampled."""
-    return Image.new("RGB", oversampled(size), BACKGROUND)
+def painted(
+    camera: Camera,
+    bodies: Sequence[Bodies],
+    frame: int,
+    floor: float,
+    reach: float,
+    colors: Sequence[tuple[int, int, int]],
+    strengths: Sequence[float] | None = None,
+    trail: Float[np.ndarray, "frames 3"] | None = None,
+) -> Picture:
+    """Returns a picture of bodies on a floor, with smooth edges.
+
+    Args:
+        camera: Its picture is oversampled.
+        bodies: The bodies.
+        frame: Their frame.
+        floor: Height of the floor, meters.
+        reach: Meters around the camera's target up to which the floor is seen.
+        colors: Color of each body's take.
+        strengths: How much each body stands out, 0 to 1; by default fully.
+        trail: A path that is drawn on the floor, meters.
+    """
+    picture = Image.new("RGB", camera.size, BACKGROUND)
+    paint_floor(picture, camera, floor, reach)
+    paint_shadow(picture, camera, bodies, frame, floor)
+    if trail is not None:
+        pixels, _ = camera.project(trail * (1, 0, 1) + (0, floor, 0))
+        line = [tuple(pixel) for pixel in pixels.tolist()]
+        ImageDraw.Draw(picture).line(line, fill=_SHADOW, width=3 * OVERSAMPLING, joint="curve")
+    paint_bodies(picture, camera, bodies, frame, colors, strengths)
+    return picture.reduce(OVERSAMPLING)
 
 
 def paint_floor(picture: Picture, camera: Camera, height: float, reach: float) -> None:
@@ -343,20 +371,6 @@ def _fragments(
         np.minimum.at(nearest, indices, away)
         won = away <= nearest[indices]
         yield indices[won], face[won], shares[won]
-
-
-def paint_trail(
-    picture: Picture, camera: Camera, path: Float[np.ndarray, "frames 3"], height: float
-) -> None:
-    """Draws a path on the floor."""
-    pixels, _ = camera.project(path * (1, 0, 1) + (0, height, 0))
-    line = [tuple(pixel) for pixel in pixels.tolist()]
-    ImageDraw.Draw(picture).line(line, fill=_SHADOW, width=3 * OVERSAMPLING, joint="curve")
-
-
-def reduced(picture: Picture) -> Picture:
-    """Returns the picture at its final size, with smooth edges."""
-    return picture.reduce(OVERSAMPLING)
 
 
 def paint_text(

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
 from latentmotion.errors import InputError
 from latentmotion.motion import Motion
 from latentmotion.render import Style, mannequin, painter
-from latentmotion.render.painter import Camera, camera_around, camera_of_all, half_front
+from latentmotion.render.painter import camera_around, camera_of_all, half_front
 from latentmotion.storage.files import atomic_file
 
 if TYPE_CHECKING:
@@ -89,7 +88,8 @@ def _row(motion: Motion, figures: int, across: int, figure: mannequin.Figure) ->
     positions = np.linspace(start - width / 2, width / 2 - end, len(frames))
     steps = positions[:, None] * camera.axes()[0] - bodies.joints[:, 0] * (1, 0, 1)
     moved = [bodies.moved(number, step) for number, step in enumerate(steps)]
-    picture = _painted(size, camera, moved, floor, 0.62 * width)
+    colors = [painter.COLORS[0]] * len(moved)
+    picture = painter.painted(camera, moved, 0, floor, 0.62 * width, colors)
     for frame, position in zip(frames, positions, strict=True):
         pixel = (size[0] * (0.5 + position / width), size[1] - across * 11 / WIDTH)
         painter.paint_text(picture, f"{frame / motion.fps:.1f} s", pixel, _text(13, across), "mm")
@@ -111,26 +111,9 @@ def _path(motion: Motion, figures: int, across: int, figure: mannequin.Figure) -
     # The first figures are faint, so that the eye reads from them to the last.
     strengths = np.linspace(0.35, 1, count).tolist()
     trail = motion.joints[:, 0].astype(np.float64)
-    return _painted(size, camera, moved, bodies.floor, 1.6 * height, strengths, trail)
-
-
-def _painted(
-    size: tuple[int, int],
-    camera: Camera,
-    bodies: Sequence[painter.Bodies],
-    floor: float,
-    reach: float,
-    strengths: Sequence[float] | None = None,
-    trail: Float[np.ndarray, "frames 3"] | None = None,
-) -> Picture:
-    picture = painter.new_picture(size)
-    painter.paint_floor(picture, camera, floor, reach)
-    painter.paint_shadow(picture, camera, bodies, 0, floor)
-    if trail is not None:
-        painter.paint_trail(picture, camera, trail, floor)
-    colors = [painter.COLORS[0]] * len(bodies)
-    painter.paint_bodies(picture, camera, bodies, 0, colors, strengths)
-    return painter.reduced(picture)
+    colors = [painter.COLORS[0]] * count
+    floor, reach = bodies.floor, 1.6 * height
+    return painter.painted(camera, moved, 0, floor, reach, colors, strengths, trail)
 
 
 def _text(size: int, across: int) -> int:

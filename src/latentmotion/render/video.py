@@ -183,11 +183,8 @@ class _Panel:
             target = self.path[frame] + (0, floor + self.height / 2 - 0.17, 0)
             pixels = painter.oversampled(self.size)
             camera = camera_around(target, self.azimuth, np.radians(14), 6.5, pixels, self.height)
-        picture = painter.new_picture(self.size)
-        painter.paint_floor(picture, camera, floor, reach=max(3.2, 1.3 * self.height))
-        painter.paint_shadow(picture, camera, [self.bodies], frame, floor)
-        painter.paint_bodies(picture, camera, [self.bodies], frame, [self.color])
-        return painter.reduced(picture)
+        reach = max(3.2, 1.3 * self.height)
+        return painter.painted(camera, [self.bodies], frame, floor, reach, [self.color])
 
 
 def check_ready(ending: str) -> None:
