@@ -68,11 +68,6 @@ Sizes = Annotated[
 ]
 
 
-def _refuse_text_encoder(command: object, task: str) -> None:
-    """Refuses a text encoder for a model that reads no text."""
-    options.refuse_unused(command, f"a model of task {task} reads no sentences", "text_encoder")
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Training:
     """Options of every training, whose settings are the options of its field `training`."""
@@ -159,7 +154,8 @@ class TrainDenoiser(_TrainingOnData):
         experiment = with_changes(experiment, self.set)
         encoder = None
         if not TASKS[experiment.task].reads_text:
-            _refuse_text_encoder(self, experiment.task)
+            reason = f"a model of task {experiment.task} reads no sentences"
+            options.refuse_unused(self, reason, "text_encoder")
         else:
             encoder = self._cached(text_encoder_named(self.text_encoder))
         return stages.train_denoiser(
@@ -266,7 +262,8 @@ class TrainDistill(_TrainingOnData):
         teacher = find_model(self.teacher)
         card, encoder = read_card(teacher), None
         if not card.condition.reads_text:
-            _refuse_text_encoder(self, card.task)
+            reason = f"a model of task {card.task} reads no sentences"
+            options.refuse_unused(self, reason, "text_encoder")
         else:
             named = text_encoder_named(self.text_encoder) if self.text_encoder else None
             encoder = self._cached(named or find_encoder(card, teacher))

@@ -11,7 +11,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
@@ -79,21 +78,19 @@ ASSETS: Mapping[str, str] = MappingProxyType(
 )
 
 
-@dataclass(frozen=True)
-class Extension:
-    """Further routes of an application that is built on the service."""
-
-    routes: Callable[[Service], APIRouter]  # Builds the routes.
-    open_paths: frozenset[str] = frozenset()  # Paths that need no token.
-    uploads: frozenset[str] = frozenset()  # Paths whose request bodies are files.
-
-
-def create_app(settings: Settings | None = None, extension: Extension | None = None) -> FastAPI:
+def create_app(
+    settings: Settings | None = None,
+    extension: Callable[[Service], APIRouter] | None = None,
+    open_paths: frozenset[str] = frozenset(),
+    upload_paths: frozenset[str] = frozenset(),
+) -> FastAPI:
     """Returns the application, which starts its threads and processes when it is served.
 
     Args:
         settings: Settings of the service; by default the shipped model for this machine alone.
-        extension: Further routes.
+        extension: Builds further routes, of an application on top of the service.
+        open_paths: Those that need no token.
+        upload_paths: Those whose request bodies are files.
 
     Raises:
         ModelError: There is no such model, or it was not exported.
@@ -143,11 +140,10 @@ def create_app(settings: Settings | None = None, extension: Extension | None = N
     files |= {"viewer.css": style.encode(), "viewer.js": viewer.script().encode()}
     pages = {"/": files.pop("page.html"), "/docs": files.pop("docs.html")}
     app.include_router(page_routes({**pages, "/viewer": frame.encode()}, files, "/assets", POLICY))
-    open_paths, uploaded = OPEN, UPLOADS
     if extension is not None:
-        app.include_router(extension.routes(service))
-        open_paths, uploaded = OPEN | extension.open_paths, UPLOADS | extension.uploads
-    app.add_middleware(Guard, service=service, open_paths=open_paths, uploads=uploaded)
+        app.include_router(extension(service))
+    allowed, uploaded = OPEN | open_paths, UPLOADS | upload_paths
+    app.add_middleware(Guard, service=service, open_paths=allowed, uploads=uploaded)
     if service.settings.origins:
         app.add_middleware(
             CORSMiddleware,

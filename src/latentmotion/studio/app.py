@@ -29,7 +29,7 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from latentmotion.errors import InputError
-from latentmotion.service.app import Extension, asset_files, create_app, page_routes
+from latentmotion.service.app import asset_files, create_app, page_routes
 from latentmotion.service.problems import FULL_DISK, problem_response
 from latentmotion.service.settings import LEAST_TOKEN, Settings
 from latentmotion.service.state import Service
@@ -149,13 +149,12 @@ def create_studio(settings: Settings, library: Library, others: Sequence[str] = 
     """
     files = asset_files("latentmotion.studio")
     named = {f"/studio/assets/{name}" for name in files}
-    extension = Extension(
+    app = create_app(
+        replace(settings, middleware=(*settings.middleware, CookieToken)),
         partial(_routes, library, files, others),
         frozenset({"/studio", "/studio/"} | named),
         frozenset({"/studio/v1/import", "/studio/v1/characters"}),
     )
-    layers = (*settings.middleware, CookieToken)
-    app = create_app(replace(settings, middleware=layers), extension)
     app.add_exception_handler(UnknownError, partial(_on_error, 404))
     app.add_exception_handler(MissingMotionError, partial(_on_error, 410))
     app.add_exception_handler(sqlite3.Error, _on_database)
