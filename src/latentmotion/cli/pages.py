@@ -16,7 +16,7 @@ from latentmotion.cli import options
 from latentmotion.errors import InputError, MissingExtraError
 from latentmotion.model.card import DEFAULT, find_model
 from latentmotion.storage.configuration import to_json, write_json
-from latentmotion.storage.files import check_replaceable, check_writable, write_file
+from latentmotion.storage.files import check_replaceable, check_writable, read_lines, write_file
 from latentmotion.viewer import site
 
 
@@ -54,7 +54,8 @@ class MakeStudy:
         check_writable(self.output)
         if self.order_seed is not None and self.order_seed < 0:
             raise InputError(f"--order-seed {self.order_seed}: expected a number from 0 up")
-        plan = design.StudyPlan(design.read_prompts(self.prompts), self.seeds, self.seconds)
+        sentences = tuple(dict.fromkeys(read_lines(self.prompts, "sentence")))
+        plan = design.StudyPlan(sentences, self.seeds, self.seconds)
         a, b = (design.motions_of(source, plan, load_generator) for source in (self.a, self.b))
         both = list(zip(a, b, strict=True))
         for warning in design.check_lengths(both):

@@ -233,8 +233,19 @@ def read_asf_amc(amc: str | Path, asf: str | Path | None = None, fps: float = 12
     path, lines = Path(amc), read_lines(amc)
     figure = read_asf(find_asf(path) if asf is None else asf)
     degrees, values = _read_frames(path, lines, figure)
+    # The bones as joints; see the top of this file.
+    names, parents = list(figure.bones), figure.parents
+    inner, rank = set(parents.values()), {name: number for number, name in enumerate(names)}
+    tips = [bone for bone in names if bone not in inner]
+    starts = [*(parents[bone] for bone in names[1:]), *tips]
     with blamed_on(path):
-        skeleton = figure_skeleton(path.stem, figure)
+        skeleton = Skeleton(
+            name=path.stem,
+            names=(*names, *(f"{tip}_end" for tip in tips)),
+            parents=(-1, *(rank[bone] for bone in starts)),
+            offsets=np.stack([np.zeros(3), *(figure.bones[bone].vector for bone in starts)]),
+            end_sites=tuple(range(len(names), len(names) + len(tips))),
+        )
     stated = sum(block.size for block in values.values())
     check_filled(path, len(values["root"]), len(skeleton), stated)
     rotations = np.tile(np.eye(3), (len(values["root"]), len(skeleton), 1, 1))
@@ -333,18 +344,3 @@ def _read_frames(
         raise FileFormatError(path, "found a frame without 'root'", start)
     widths = {name: len(figure.bones[name].channels) for name in order}
     return degrees, {name: table(path, rows[name], width) for name, width in widths.items()}
-
-
-def figure_skeleton(name: str, figure: AsfSkeleton) -> Skeleton:
-    """Returns the bones of an ASF file as joints; see the top of this file."""
-    names, parents = list(figure.bones), figure.parents
-    inner, rank = set(parents.values()), {name: number for number, name in enumerate(names)}
-    tips = [bone for bone in names if bone not in inner]
-    starts = [*(parents[bone] for bone in names[1:]), *tips]
-    return Skeleton(
-        name=name,
-        names=(*names, *(f"{tip}_end" for tip in tips)),
-        parents=(-1, *(rank[bone] for bone in starts)),
-        offsets=np.stack([np.zeros(3), *(figure.bones[bone].vector for bone in starts)]),
-        end_sites=tuple(range(len(names), len(names) + len(tips))),
-    )

@@ -18,7 +18,10 @@ def write_fbx(source: str, target: str, fps: float) -> None:
     scene.render.fps = max(1, round(fps))
     scene.render.fps_base = scene.render.fps / fps
     bpy.ops.import_scene.gltf(filepath=source)
-    remove_bone_shapes()
+    # The shapes that Blender's importer draws bones with.
+    poses = [thing.pose for thing in bpy.data.objects if thing.type == "ARMATURE"]
+    for shape in {bone.custom_shape for pose in poses for bone in pose.bones} - {None}:
+        bpy.data.objects.remove(shape)
     for action in bpy.data.actions:
         # Colons are namespaces in some programs; Blender's names end at 63, armature's included.
         action.name = action.name.replace(":", "")[:40].strip()
@@ -36,14 +39,6 @@ def write_fbx(source: str, target: str, fps: float) -> None:
         path_mode="COPY",
         embed_textures=True,
     )
-
-
-def remove_bone_shapes() -> None:
-    """Deletes the shapes that Blender's importer draws bones with."""
-    poses = [thing.pose for thing in bpy.data.objects if thing.type == "ARMATURE"]
-    shapes = {bone.custom_shape for pose in poses for bone in pose.bones if bone.custom_shape}
-    for shape in shapes:
-        bpy.data.objects.remove(shape)
 
 
 def write_glb(source: str, target: str) -> None:

@@ -47,7 +47,10 @@ class Maker:
         Raises:
             LatentMotionError: The recipe cannot be met.
         """
-        used = {name: self.library.take(name) for name in dict.fromkeys(used_takes(recipe))}
+        edit, between = recipe.edit, recipe.between
+        names = [*(pose.take for pose in recipe.poses), recipe.start, edit and edit.take]
+        names += [between.start, between.end] if between else []
+        used = {name: self.library.take(name) for name in filter(None, names)}
         sources = {
             name: {"motion": take.motion, "edits": vars(take.edits)} for name, take in used.items()
         }
@@ -88,14 +91,6 @@ class Maker:
         # In the batch that it was made in, on whose size the last bits of sums depend.
         seeds = original.batch or [original.seed]
         return motions_of(self.pipeline, original, seeds, source)[seeds.index(original.seed)]
-
-
-def used_takes(recipe: Recipe) -> list[str]:
-    """Returns the takes that a recipe uses."""
-    takes = [pose.take for pose in recipe.poses]
-    takes += [recipe.start] if recipe.start else []
-    takes += [recipe.edit.take] if recipe.edit else []
-    return takes + ([recipe.between.start, recipe.between.end] if recipe.between else [])
 
 
 def motions_of(

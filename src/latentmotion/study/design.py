@@ -22,7 +22,7 @@ from latentmotion.errors import InputError
 from latentmotion.model.card import CARD_FILE, shipped_models
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
-from latentmotion.storage.files import read_lines, sha256
+from latentmotion.storage.files import sha256
 from latentmotion.viewer.page import json_in_html, packed_script, payload
 
 Model = Literal["A", "B"]
@@ -203,15 +203,6 @@ def describe(source: str) -> str:
     if (folder / CARD_FILE).is_file():
         return f"{source} ({CARD_FILE} {sha256(folder / CARD_FILE)[:12]})"
     return source
-
-
-def read_prompts(path: Path) -> tuple[str, ...]:
-    """Reads sentences, one per line, without empty lines and repetitions.
-
-    Raises:
-        InputError: The file cannot be read, or holds none.
-    """
-    return tuple(dict.fromkeys(read_lines(path, "sentence")))
 
 
 def _plain(sentence: str) -> str:
