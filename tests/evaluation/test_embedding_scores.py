@@ -33,11 +33,9 @@ from latentmotion.evaluation.protocol import (
     TestPrompt,
 )
 from latentmotion.evaluation.scores import (
-    ActionCache,
+    EmbeddingCache,
     Embeddings,
-    TextMotionCache,
     caption_multimodality,
-    embedding_cache,
     embedding_scores,
     ground_truth_scores,
     measures_multimodality,
@@ -85,7 +83,7 @@ def replication(captions: Sequence[str | None], actions: Sequence[str | None]) -
 
 def test_captions_are_read_once() -> None:
     reader = Reader()
-    cache = TextMotionCache(reader)
+    cache = EmbeddingCache(reader)
     first = cache.texts(replication(["a", "bb", "a"], [None] * 3).prompts)
     np.testing.assert_array_equal(first, [[1, 8], [2, 8], [1, 8]])
     assert reader.read == ["a", "bb"]
@@ -96,12 +94,12 @@ def test_captions_are_read_once() -> None:
 
 def test_a_prompt_without_caption_leaves_all_without() -> None:
     reader = Reader()
-    assert TextMotionCache(reader).texts(replication(["a", None], [None] * 2).prompts) is None
+    assert EmbeddingCache(reader).texts(replication(["a", None], [None] * 2).prompts) is None
     assert not reader.read
 
 
 def test_labels_are_numbers_of_the_classifier() -> None:
-    cache = ActionCache(Labels())
+    cache = EmbeddingCache(Labels())
     asked = replication([None] * 4, ["sit", "kick", "sit", "walk"])
     motions = [np.full((8, 4), float(n)) for n in (2, 0, 1, 1)]
     found = cache.embed(motions, asked)
@@ -112,7 +110,7 @@ def test_labels_are_numbers_of_the_classifier() -> None:
 
 
 def test_unlabelled_and_unknown_prompts() -> None:
-    cache = ActionCache(Labels())
+    cache = EmbeddingCache(Labels())
     motions = [np.zeros((8, 4))] * 2
     assert cache.embed(motions, replication([None] * 2, ["sit", None])).labels is None
     with pytest.raises(InputError, match=r"label 'fly', only kick, walk, sit; take one that was"):
@@ -121,8 +119,6 @@ def test_unlabelled_and_unknown_prompts() -> None:
 
 def test_evaluators_are_told_apart_by_what_they_do() -> None:
     assert reads_text(Reader()) and not reads_text(Labels()) and not reads_text(None)
-    assert isinstance(embedding_cache(Reader()), TextMotionCache)
-    assert isinstance(embedding_cache(Labels()), ActionCache)
 
 
 @pytest.fixture
@@ -233,7 +229,7 @@ def test_motions_of_a_caption_are_compared_with_each_other(pairs: int | None) ->
     candidate = Generated(SimpleNamespace(card=card(TextTask()), generate=generate))
     protocol = replace(CLEAN, repeats=Repeats(3, 2, pairs))
     found = caption_multimodality(
-        candidate, replication(list("abcdef"), [None] * 6), TextMotionCache(Reader()), protocol
+        candidate, replication(list("abcdef"), [None] * 6), EmbeddingCache(Reader()), protocol
     )
     assert len(asked) == 6 and all(asked.count(text) == 2 for text in asked)
     assert found in ((0.0, 2 * 2**0.5) if pairs else (2 * 2**0.5,))

@@ -94,7 +94,20 @@ def build_test_set(
                 f"model {candidate.card.name!r} makes features {name!r}, {dataset.folder} has "
                 f"{expected!r}; evaluate it on data of its own kind"
             )
-    needs = _needs(candidates, dataset, evaluator, protocol)
+    # Clips must have what generators take, or else what the evaluator reads.
+    tasks: set[TaskName] = {c.card.task for c in candidates if c.prompted and not c.reconstructs}
+    if len(tasks) > 1:
+        raise InputError(f"models of the tasks {', '.join(sorted(tasks))}: evaluate them apart")
+    clips = dataset.clips(protocol.split)
+    by_text = evaluator is None or scoring.reads_text(evaluator)
+    rebuilt = any(candidate.reconstructs for candidate in candidates)
+    needs: TaskName = "unconditional"
+    if tasks:
+        needs = tasks.pop()
+    elif by_text and rebuilt and any(clip.captions for clip in clips):
+        needs = "text"
+    elif not by_text and any(clip.action for clip in clips):
+        needs = "action"
     shortest = max(candidate.card.frames[0] for candidate in candidates)
     longest = min(candidate.card.frames[1] for candidate in candidates)
     longest = min(longest, protocol.max_frames or longest)
@@ -103,26 +116,6 @@ def build_test_set(
     held = dataset.representation.name in HELD
     unit = 1 if held or needs == "action" else protocol.unit
     return TestSet(dataset, protocol, needs, Lengths(shortest, longest, unit, held))
-
-
-def _needs(
-    candidates: Sequence[Candidate],
-    dataset: Dataset,
-    evaluator: Evaluator | None,
-    protocol: Protocol,
-) -> TaskName:
-    """Returns what clips must have: what generators take, or else what the evaluator reads."""
-    tasks: set[TaskName] = {c.card.task for c in candidates if c.prompted and not c.reconstructs}
-    if len(tasks) > 1:
-        raise InputError(f"models of the tasks {', '.join(sorted(tasks))}: evaluate them apart")
-    if tasks:
-        return tasks.pop()
-    clips = dataset.clips(protocol.split)
-    captioned, labelled = any(c.captions for c in clips), any(c.action for c in clips)
-    by_text = evaluator is None or scoring.reads_text(evaluator)
-    if by_text and captioned and any(candidate.reconstructs for candidate in candidates):
-        return "text"
-    return "action" if not by_text and labelled else "unconditional"
 
 
 @dataclass(eq=False)
@@ -141,7 +134,7 @@ class Comparison:
 
     def __post_init__(self) -> None:
         self.test_set = build_test_set(self.candidates, self.dataset, self.evaluator, self.protocol)
-        self.cache = scoring.embedding_cache(self.evaluator) if self.evaluator is not None else None
+        self.cache = scoring.EmbeddingCache(self.evaluator) if self.evaluator is not None else None
         self.positions = PositionScores(self.dataset)
 
     def __call__(self) -> Report:

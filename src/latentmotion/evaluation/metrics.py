@@ -220,11 +220,18 @@ class TrainingClips:
         """
         motion = np.asarray(motion, np.float32)
         means = _segment_means(motion, self._stride)
-        candidates = [
-            (float(bound), number, offset)
-            for number, clip in enumerate(self._clips)
-            for offset, bound in enumerate(self._bounds(motion, means, clip, self._means[number]))
-        ]
+        candidates, every = [], _SEGMENT // self._stride
+        for number, (clip, clip_means) in enumerate(zip(self._clips, self._means, strict=True)):
+            longer, shorter = _by_length(clip, motion)
+            moving, still = (clip_means, means) if longer is clip else (means, clip_means)
+            offsets, segments = (len(longer) - len(shorter)) // self._stride + 1, still[::every]
+            # A lower bound of the distance at each offset; what no segment covers counts 0.
+            bounds = np.zeros(offsets, np.float32)
+            if len(segments):
+                rows = np.arange(offsets)[:, None] + every * np.arange(len(segments))
+                gaps = np.linalg.norm(moving[rows] - segments, axis=-1).mean(axis=(1, 2))
+                bounds = gaps * (_SEGMENT * len(segments) / len(shorter)) - 1e-6
+            candidates += [(bound, number, offset) for offset, bound in enumerate(bounds.tolist())]
         best = np.inf
         for bound, number, offset in sorted(candidates):
             if bound >= best:
@@ -234,25 +241,6 @@ class TrainingClips:
             stretch = longer[start : start + len(shorter)]
             best = min(best, float(np.linalg.norm(stretch - shorter, axis=-1).mean()))
         return best
-
-    def _bounds(
-        self,
-        motion: Float[np.ndarray, "frames joints 3"],
-        means: Float[np.ndarray, "starts joints 3"],
-        clip: Float[np.ndarray, "_ joints 3"],
-        clip_means: Float[np.ndarray, "_ joints 3"],
-    ) -> Float[np.ndarray, " offsets"]:
-        """Returns a lower bound of the distance at each offset; what no segment covers counts 0."""
-        longer, shorter = _by_length(clip, motion)
-        moving, still = (clip_means, means) if longer is clip else (means, clip_means)
-        offsets = (len(longer) - len(shorter)) // self._stride + 1
-        every = _SEGMENT // self._stride
-        segments = still[::every]
-        if not len(segments):
-            return np.zeros(offsets, np.float32)
-        rows = np.arange(offsets)[:, None] + every * np.arange(len(segments))
-        gaps = np.linalg.norm(moving[rows] - segments, axis=-1).mean(axis=(1, 2))
-        return gaps * (_SEGMENT * len(segments) / len(shorter)) - 1e-6
 
 
 def _by_length(

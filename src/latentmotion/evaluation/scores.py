@@ -7,12 +7,11 @@ its registered users have.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from statistics import fmean
-from typing import TypeGuard, cast
+from typing import TypeGuard
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,12 +21,8 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.errors import InputError
 from latentmotion.evaluation import metrics
 from latentmotion.evaluation.candidates import Generated
-from latentmotion.evaluation.evaluators.action import Recognizer, drawing_states
-from latentmotion.evaluation.evaluators.interface import (
-    ActionEvaluator,
-    Evaluator,
-    TextMotionEvaluator,
-)
+from latentmotion.evaluation.evaluators.action import Recognizer
+from latentmotion.evaluation.evaluators.interface import Evaluator, TextMotionEvaluator
 from latentmotion.evaluation.protocol import Protocol, Replication, TestPrompt
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
 from latentmotion.kinematics.smpl import SmplModel
@@ -47,80 +42,36 @@ class Embeddings:
     texts: Float[np.ndarray, "items width"] | None = None
 
 
-class EmbeddingCache(ABC):
-    """An evaluator with the embeddings that it need not compute twice."""
+@dataclass(eq=False)
+class EmbeddingCache:
+    """An evaluator with the embeddings of captions, which it need not compute twice."""
 
-    @abstractmethod
+    evaluator: Evaluator  # The evaluator, of either kind.
+    _texts: dict[Caption, Float[np.ndarray, " width"]] = field(default_factory=dict)
+
     def embed(
         self, motions: Motions, replication: Replication, noise: np.random.Generator | None = None
     ) -> Embeddings:
         """Embeds motions and their prompts.
 
         Args:
-            motions: One per test prompt.
-            replication: The test prompts.
-            noise: Source of an evaluator's random first state, if the protocol has one.
-        """
-
-    @abstractmethod
-    def motions(self, motions: Motions) -> Float[np.ndarray, "items width"]:
-        """Returns the embeddings of motions, whatever their prompts."""
-
-    @abstractmethod
-    def texts(self, prompts: Sequence[TestPrompt]) -> Float[np.ndarray, "items width"] | None:
-        """Returns the embeddings of captions; None if there are none or they are not read."""
-
-
-@dataclass(eq=False)
-class TextMotionCache(EmbeddingCache):
-    """An evaluator of motions and captions, with a cache of captions."""
-
-    evaluator: TextMotionEvaluator  # The evaluator.
-    _texts: dict[Caption, Float[np.ndarray, " width"]] = field(default_factory=dict)
-
-    def embed(
-        self, motions: Motions, replication: Replication, noise: np.random.Generator | None = None
-    ) -> Embeddings:
-        """Embeds motions and captions; there is no random state."""
-        return Embeddings(self.motions(motions), texts=self.texts(replication.prompts))
-
-    def motions(self, motions: Motions) -> Float[np.ndarray, "items width"]:
-        """Returns the embeddings of motions."""
-        return self.evaluator.motions(motions)
-
-    def texts(self, prompts: Sequence[TestPrompt]) -> Float[np.ndarray, "items width"] | None:
-        """Returns the embeddings of captions; None if a prompt has no caption."""
-        captions = [prompt.caption for prompt in prompts if prompt.caption]
-        if len(captions) < len(prompts):
-            return None
-        new = [caption for caption in dict.fromkeys(captions) if caption not in self._texts]
-        if new:
-            self._texts |= dict(zip(new, self.evaluator.texts(new), strict=True))
-        return np.stack([self._texts[caption] for caption in captions])
-
-
-@dataclass(eq=False)
-class ActionCache(EmbeddingCache):
-    """An action classifier."""
-
-    evaluator: ActionEvaluator  # The evaluator.
-
-    def embed(
-        self, motions: Motions, replication: Replication, noise: np.random.Generator | None = None
-    ) -> Embeddings:
-        """Recognizes motions.
+            motions: The motions.
+            replication: Their prompts.
+            noise: Makes the GRU of an action classifier start from a random state.
 
         Raises:
-            InputError: The evaluator does not know a label.
+            InputError: A label is unknown to the classifier.
         """
         evaluator = self.evaluator
-        if noise is not None and isinstance(evaluator, Recognizer):
-            evaluator = drawing_states(evaluator, noise)
+        if isinstance(evaluator, TextMotionEvaluator):
+            return Embeddings(evaluator.motions(motions), texts=self.texts(replication.prompts))
+        if isinstance(evaluator, Recognizer):
+            evaluator = replace(evaluator, noise=noise)
         recognition = evaluator(motions)
         actions = [prompt.item.clip.action for prompt in replication.prompts]
         if None in actions:
             return Embeddings(recognition.features, recognition.logits)
-        names = list(self.evaluator.labels)
+        names = list(evaluator.labels)
         unknown = sorted({str(label) for label in actions} - set(names))
         if unknown:
             raise InputError(
@@ -131,18 +82,21 @@ class ActionCache(EmbeddingCache):
         return Embeddings(recognition.features, recognition.logits, labels)
 
     def motions(self, motions: Motions) -> Float[np.ndarray, "items width"]:
-        """Returns the last hidden layer."""
-        return self.evaluator(motions).features
+        """Returns the embeddings of motions, whatever their prompts."""
+        evaluator = self.evaluator
+        if isinstance(evaluator, TextMotionEvaluator):
+            return evaluator.motions(motions)
+        return evaluator(motions).features
 
-    def texts(self, prompts: Sequence[TestPrompt]) -> None:
-        """Returns None: captions are not read."""
-
-
-def embedding_cache(evaluator: Evaluator) -> EmbeddingCache:
-    """Returns an empty cache of an evaluator of either kind."""
-    if reads_text(evaluator):
-        return TextMotionCache(evaluator)
-    return ActionCache(cast(ActionEvaluator, evaluator))
+    def texts(self, prompts: Sequence[TestPrompt]) -> Float[np.ndarray, "items width"] | None:
+        """Returns the embeddings of captions; None if a prompt has none or they are not read."""
+        captions = [prompt.caption for prompt in prompts if prompt.caption]
+        if len(captions) < len(prompts) or not isinstance(self.evaluator, TextMotionEvaluator):
+            return None
+        new = [caption for caption in dict.fromkeys(captions) if caption not in self._texts]
+        if new:
+            self._texts |= dict(zip(new, self.evaluator.texts(new), strict=True))
+        return np.stack([self._texts[caption] for caption in captions])
 
 
 def reads_text(evaluator: Evaluator | None) -> TypeGuard[TextMotionEvaluator]:

@@ -46,7 +46,7 @@ import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
@@ -177,27 +177,6 @@ class MotionGRU(ActionNetwork):
         return self.linear2(features)
 
 
-class DrawnState(ActionNetwork):
-    """A `MotionGRU` that starts from a normal random state in every call, as the authors' does."""
-
-    def __init__(self, network: MotionGRU, noise: np.random.Generator) -> None:
-        super().__init__()
-        self.network, self._noise = network, noise
-
-    def features(
-        self, motions: Float[Tensor, "batch frames joints 3"]
-    ) -> Float[Tensor, "batch width"]:
-        """Returns the last hidden layer."""
-        layers = self.network.recurrent
-        shape = layers.num_layers, len(motions), layers.hidden_size
-        drawn = torch.from_numpy(self._noise.standard_normal(shape, dtype=np.float32))
-        return self.network.features(motions, drawn.to(motions.device))
-
-    def classify(self, features: Float[Tensor, "batch width"]) -> Float[Tensor, "batch labels"]:
-        """Returns the logits."""
-        return self.network.classify(features)
-
-
 # Parents of SMPL's 24 joints: HumanML3D's 22 and the hands.
 SMPL_PARENTS = (
     *(-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8),
@@ -270,19 +249,17 @@ class GraphBlock(nn.Module):
             nn.Conv2d(outputs, outputs, (kernel, 1), (stride, 1), (kernel // 2, 0)),
             nn.BatchNorm2d(outputs),
         )
-        if not residual:
-            self.residual: nn.Module = Nothing()
-        elif inputs == outputs and stride == 1:
-            self.residual = nn.Identity()
-        else:
-            convolution = nn.Conv2d(inputs, outputs, kernel_size=1, stride=(stride, 1))
-            self.residual = nn.Sequential(convolution, nn.BatchNorm2d(outputs))
+        convolution = nn.Conv2d(inputs, outputs, kernel_size=1, stride=(stride, 1))
+        same = nn.Identity() if inputs == outputs and stride == 1 else None
+        through = same or nn.Sequential(convolution, nn.BatchNorm2d(outputs))
+        self.residual = through if residual else None
 
     def forward(
         self, x: Float[Tensor, "batch _ frames joints"], adjacency: Float[Tensor, "3 joints joints"]
     ) -> Float[Tensor, "batch channels fewer_frames joints"]:
         """Returns (batch, outputs, frames / stride, joints)."""
-        return torch.relu(self.tcn(self.gcn(x, adjacency)) + self.residual(x))
+        beside = 0.0 if self.residual is None else self.residual(x)
+        return torch.relu(self.tcn(self.gcn(x, adjacency)) + beside)
 
 
 class GraphConvolution(nn.Module):
@@ -298,14 +275,6 @@ class GraphConvolution(nn.Module):
         """Returns what every joint gathers."""
         parts = self.conv(x).unflatten(1, (len(adjacency), -1))
         return torch.einsum("nkctv,kvw->nctw", parts, adjacency)
-
-
-class Nothing(nn.Module):
-    """The first block's residual path."""
-
-    def forward(self, x: Tensor) -> float:
-        """Returns zero."""
-        return 0.0
 
 
 def neighborhoods(parents: Sequence[int]) -> Float[np.ndarray, "3 joints joints"]:
@@ -345,6 +314,8 @@ class Recognizer:
     network: ActionNetwork  # The classifier, in `eval()` mode.
     prepare: Preparation  # Features to the network's input.
     width: int  # Features per frame that `prepare` takes.
+    # Draws the first state of a GRU in every call, as the authors do; None for zeros.
+    noise: np.random.Generator | None = None
 
     def __call__(self, features: Sequence[Float[np.ndarray, "_ _"]]) -> Recognition:
         """Recognizes motions, given in their own units; lengths may differ.
@@ -381,16 +352,14 @@ class Recognizer:
         self, prepared: Float[np.ndarray, "batch frames *inputs"]
     ) -> tuple[Float[np.ndarray, "batch width"], Float[np.ndarray, "batch labels"]]:
         """Returns last hidden layer and logits of motions of one length."""
-        device = next(self.network.parameters()).device
-        hidden = self.network.features(torch.from_numpy(prepared).float().to(device))
-        return hidden.cpu().numpy(), self.network.classify(hidden).cpu().numpy()
-
-
-def drawing_states(recognizer: Recognizer, noise: np.random.Generator) -> Recognizer:
-    """Returns a recognizer with the authors' random first state, or as it is without a GRU."""
-    if not isinstance(recognizer.network, MotionGRU):
-        return recognizer
-    return replace(recognizer, network=DrawnState(recognizer.network, noise).eval())
+        network, device = self.network, next(self.network.parameters()).device
+        motions, drawn = torch.from_numpy(prepared).float().to(device), {}
+        if self.noise is not None and isinstance(network, MotionGRU):
+            shape = network.recurrent.num_layers, len(motions), network.recurrent.hidden_size
+            state = self.noise.standard_normal(shape, dtype=np.float32)
+            drawn["state"] = torch.from_numpy(state).to(device)
+        hidden = network.features(motions, **drawn)
+        return hidden.cpu().numpy(), network.classify(hidden).cpu().numpy()
 
 
 @dataclass(frozen=True)
