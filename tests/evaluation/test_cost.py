@@ -15,7 +15,12 @@ from benchmarks.generation.roofline import Traffic, traffic
 from latentmotion.diffusion.condition import Conditioning
 from latentmotion.evaluation.cost import aits, flops, parameters
 from latentmotion.networks.checkpoint import build
-from latentmotion.networks.transformer import CrossAttention, SelfAttention, encoder_stack
+from latentmotion.networks.transformer import (
+    CrossAttention,
+    EncoderLayer,
+    SelfAttention,
+    layer_stack,
+)
 from latentmotion.training.experiment import preset_named
 
 THOP_NORM = 4  # Operations that THOP counts for a number that a norm with weights returns.
@@ -129,7 +134,9 @@ def test_bytes_of_a_linear_layer_of_attention_and_of_a_convolution() -> None:
 
 def test_flops_of_a_layer_of_the_starters_denoiser_by_hand() -> None:
     config, rows, tokens = preset_named("starter").denoiser.transformer, 2, 37
-    stack = encoder_stack(replace(config, layers=1, skips=False, final_norm=False)).eval()
+    stack = layer_stack(
+        replace(config, layers=1, skips=False, final_norm=False), EncoderLayer
+    ).eval()
     x = torch.ones(rows, tokens, config.width)
     # Queries, keys, values and output; both maps of the feed-forward part; scores and means.
     weights = 4 * config.width**2 + 2 * config.width * config.hidden

@@ -14,13 +14,13 @@ from latentmotion.errors import InputError
 from latentmotion.model.config import TransformerConfig
 from latentmotion.networks.transformer import (
     CrossAttention,
+    DecoderLayer,
     Dropout,
     EncoderLayer,
     LearnedPosition,
     SelfAttention,
     SinePosition,
-    decoder_stack,
-    encoder_stack,
+    layer_stack,
     sine_rate,
     sines,
 )
@@ -105,7 +105,7 @@ def test_cross_attention_is_pytorchs(words: int) -> None:
 @pytest.mark.parametrize("activation", ["gelu", "relu"])
 def test_a_layer_is_pytorchs(norm: str, activation: str) -> None:
     config = replace(CONFIG, norm=norm, activation=activation)
-    ours = shaken(encoder_stack(replace(config, layers=1, skips=False))).layers[0]  # type: ignore[index]
+    ours = shaken(layer_stack(replace(config, layers=1, skips=False), EncoderLayer)).layers[0]  # type: ignore[index]
     layer = nn.TransformerEncoderLayer(
         WIDTH, HEADS, config.hidden, 0.0, activation, batch_first=True, norm_first=norm == "pre"
     ).eval()
@@ -122,7 +122,7 @@ def test_a_layer_is_pytorchs(norm: str, activation: str) -> None:
 
 @pytest.mark.parametrize("skips", [True, False])
 def test_tokens_in_another_order_give_the_same_in_that_order(skips: bool) -> None:
-    stack = shaken(encoder_stack(replace(CONFIG, skips=skips)))
+    stack = shaken(layer_stack(replace(CONFIG, skips=skips), EncoderLayer))
     order, x = torch.tensor([3, 0, 4, 1, 2]), tokens()
     torch.testing.assert_close(
         stack(x, EVERYWHERE)[:, order], stack(x[:, order], EVERYWHERE), atol=1e-5, rtol=1e-5
@@ -131,7 +131,10 @@ def test_tokens_in_another_order_give_the_same_in_that_order(skips: bool) -> Non
 
 @pytest.mark.parametrize("skips", [True, False])
 def test_the_memory_has_no_order_and_its_padding_no_weight(skips: bool) -> None:
-    stack, memory = shaken(decoder_stack(replace(CONFIG, skips=skips))), tokens(4, seed=2)
+    stack, memory = (
+        shaken(layer_stack(replace(CONFIG, skips=skips), DecoderLayer)),
+        tokens(4, seed=2),
+    )
     mask = torch.tensor([True, True, True, False]).expand(3, 4)
     order, x = torch.tensor([2, 0, 1, 3]), tokens()
     expected = stack(x, EVERYWHERE, memory, mask)
@@ -145,8 +148,8 @@ def test_the_memory_has_no_order_and_its_padding_no_weight(skips: bool) -> None:
 def test_without_joins_a_stack_of_skips_is_a_plain_one() -> None:
     """A join that passes its first half on leaves the layers one after the other."""
     skipping, plain = (
-        shaken(encoder_stack(CONFIG)),
-        shaken(encoder_stack(replace(CONFIG, skips=False))),
+        shaken(layer_stack(CONFIG, EncoderLayer)),
+        shaken(layer_stack(replace(CONFIG, skips=False), EncoderLayer)),
     )
     for join in skipping.joins:  # type: ignore[union-attr]
         join.weight.data = torch.eye(WIDTH, 2 * WIDTH)
@@ -162,7 +165,7 @@ def test_without_joins_a_stack_of_skips_is_a_plain_one() -> None:
 @pytest.mark.parametrize("layers", [2, 4])
 def test_an_even_number_of_layers_has_no_middle(layers: int) -> None:
     with pytest.raises(InputError, match="odd number"):
-        encoder_stack(replace(CONFIG, layers=layers))
+        layer_stack(replace(CONFIG, layers=layers), EncoderLayer)
 
 
 @pytest.mark.parametrize("position", [LearnedPosition(WIDTH), SinePosition(WIDTH, 0.0)])

@@ -47,30 +47,19 @@ class Standardization(nn.Module):
         return (words - self.mean) * self.scale
 
 
-class TimeToken(nn.Module):
-    """The time of the diffusion, as one token."""
+class NumberTokens(nn.Module):
+    """The time of the diffusion and, where wanted, the number of real latent tokens, as tokens."""
 
-    def __init__(self, time: NumberEmbedding) -> None:
-        super().__init__()
-        self.time = time
-
-    def forward(self, t: Tensor, mask: Tensor) -> Tensor:
-        """Returns (batch, 1, width)."""
-        return self.time(t)[:, None]
-
-
-class TimeAndLengthTokens(nn.Module):
-    """The time of the diffusion and the number of real latent tokens, as two tokens."""
-
-    def __init__(self, time: NumberEmbedding, length: NumberEmbedding) -> None:
+    def __init__(self, time: NumberEmbedding, length: NumberEmbedding | None) -> None:
         super().__init__()
         self.time = time
         self.length = length
 
     def forward(self, t: Tensor, mask: Tensor) -> Tensor:
-        """Returns (batch, 2, width)."""
-        count = mask.sum(dim=1).to(t.dtype)
-        return torch.stack([self.time(t), self.length(count)], dim=1)
+        """Returns (batch, 1 or 2, width)."""
+        if self.length is None:
+            return self.time(t)[:, None]
+        return torch.stack([self.time(t), self.length(mask.sum(dim=1).to(t.dtype))], dim=1)
 
 
 class StepEmbedding(nn.Module):
@@ -97,36 +86,6 @@ class StepEmbedding(nn.Module):
         return torch.cat([numbers[:, :1] + step[:, None], numbers[:, 1:]], dim=1)
 
 
-class NoStepEmbedding(nn.Module):
-    """The numbers as they are: a denoiser without a step condition."""
-
-    inputs = ()
-
-    def forward(self, numbers: Tensor, step_condition: None) -> Tensor:
-        """Returns the numbers' tokens."""
-        return numbers
-
-
-class NumbersThenWords(nn.Module):
-    """Words of the condition are tokens of their own."""
-
-    def forward(self, numbers: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns (batch, numbers + words, width), and which of them are real."""
-        always = torch.ones_like(numbers[..., 0], dtype=torch.bool)
-        return torch.cat([numbers, words], dim=1), torch.cat([always, mask], dim=1)
-
-
-class WordsAddedToTime(nn.Module):
-    """The mean of the real words is added to the time's token, as in MDM (Tevet et al. 2023)."""
-
-    def forward(self, numbers: Tensor, words: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns the numbers' tokens, all of them real."""
-        weights = mask / mask.sum(dim=1, keepdim=True).clamp(min=1)
-        mean = (words * weights[..., None]).sum(dim=1, keepdim=True)
-        context = torch.cat([numbers[:, :1] + mean, numbers[:, 1:]], dim=1)
-        return context, torch.ones_like(context[..., 0], dtype=torch.bool)
-
-
 class SeparatePositions(nn.Module):
     """Latents and context have a table each, so padding on either side moves nothing."""
 
@@ -140,27 +99,21 @@ class SeparatePositions(nn.Module):
         return self.latents(latents), self.context(context)
 
 
-class LatentsFirst(nn.Module):
-    """One table over [latents, context], as in the paper's denoiser."""
+class SharedPositions(nn.Module):
+    """One table over [latents, context], as in the paper's denoiser, or over [context, latents].
 
-    def __init__(self, table: nn.Module) -> None:
+    The latter is that of the authors' diffusion on raw frames.
+    """
+
+    def __init__(self, table: nn.Module, latents_first: bool) -> None:
         super().__init__()
         self.table = table
+        self.latents_first = latents_first
 
     def forward(self, latents: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
         """Returns both with their positions added."""
-        return self.table(latents), self.table(context, latents.shape[1])
-
-
-class ContextFirst(nn.Module):
-    """One table over [context, latents], as in the authors' diffusion on raw frames."""
-
-    def __init__(self, table: nn.Module) -> None:
-        super().__init__()
-        self.table = table
-
-    def forward(self, latents: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns both with their positions added."""
+        if self.latents_first:
+            return self.table(latents), self.table(context, latents.shape[1])
         return self.table(latents, context.shape[1]), self.table(context)
 
 
@@ -193,14 +146,6 @@ class AcrossContext(nn.Module):
         return self.decoder(latents, mask, context, context_mask)
 
 
-class AttendToPadding(nn.Module):
-    """Attention sees padded latents as well: a quirk of the authors' diffusion on raw frames."""
-
-    def forward(self, mask: Tensor) -> Tensor:
-        """Returns a mask that is True everywhere."""
-        return torch.ones_like(mask)
-
-
 class DenoiserNetwork(nn.Module):
     """Projections around a transformer.
 
@@ -228,28 +173,25 @@ class DenoiserNetwork(nn.Module):
             "standardized": nn.Sequential(Standardization(config.condition_width), linear),
             "none": nn.Identity(),
         }.get(kind, linear)
-        # Time and mask to one or two tokens.
-        self.numbers = TimeToken(time) if length is None else TimeAndLengthTokens(time, length)
-        # Numbers and words to the context and its mask.
-        added = config.words == "added_to_time"
-        self.joining = WordsAddedToTime() if added else NumbersThenWords()
+        self.numbers = NumberTokens(time, length)
+        # Whether words are added to the time's token, as in MDM (Tevet et al. 2023), rather than
+        # tokens of their own; whether attention sees padded latents as well, a quirk of the
+        # authors' diffusion on raw frames.
+        self.adds_words = config.words == "added_to_time"
+        self.attends_to_padding = config.attends_to_padding
         # Adds positions to latents and context.
-        self.positions = {
-            "latents_first": LatentsFirst(tables[0]),
-            "context_first": ContextFirst(tables[0]),
-        }.get(config.positions, SeparatePositions(*tables))
+        shared = SharedPositions(tables[0], config.positions == "latents_first")
+        separate = config.positions == "separate"
+        self.positions = SeparatePositions(*tables) if separate else shared
         # The transformer, called with latents, their mask, context and its mask.
         self.body: nn.Module = (
-            AcrossContext(transformer.decoder_stack(config.transformer))
+            AcrossContext(transformer.layer_stack(config.transformer, transformer.DecoderLayer))
             if config.attention == "cross"
-            else InContext(transformer.encoder_stack(config.transformer))
+            else InContext(transformer.layer_stack(config.transformer, transformer.EncoderLayer))
         )
-        # Mask of the latents that attention gets.
-        self.padding = AttendToPadding() if config.attends_to_padding else nn.Identity()
         # Adds the step condition of a few-step student to the numbers.
-        few_step = config.few_step is not None
-        embedding = StepEmbedding(config.sine_width, width) if few_step else NoStepEmbedding()
-        self.step_embedding: StepEmbedding | NoStepEmbedding = embedding
+        embedding = StepEmbedding(config.sine_width, width) if config.few_step else None
+        self.step_embedding = embedding
 
     def measure_words(self, words: Float[Tensor, "words width"]) -> None:
         """Shows the words of the training prompts to a projection that standardizes them."""
@@ -260,7 +202,7 @@ class DenoiserNetwork(nn.Module):
     @property
     def further_inputs(self) -> tuple[str, ...]:
         """Additional inputs of a few-step student, by name; else none."""
-        return self.step_embedding.inputs
+        return self.step_embedding.inputs if self.step_embedding else ()
 
     def forward(
         self,
@@ -280,9 +222,18 @@ class DenoiserNetwork(nn.Module):
             step_condition: Guidance and step size for a few-step student, else None.
         """
         numbers = self.numbers(t.expand(z.shape[0]), mask)
-        numbers = self.step_embedding(numbers, step_condition)
-        words = self.condition_in(condition.tokens)
-        context, context_mask = self.joining(numbers, words, condition.mask)
+        if self.step_embedding is not None:
+            numbers = self.step_embedding(numbers, step_condition)
+        words, words_mask = self.condition_in(condition.tokens), condition.mask
+        if self.adds_words:
+            weights = words_mask / words_mask.sum(dim=1, keepdim=True).clamp(min=1)
+            words = (words * weights[..., None]).sum(dim=1, keepdim=True)
+            numbers = torch.cat([numbers[:, :1] + words, numbers[:, 1:]], dim=1)
+            words, words_mask = words[:, :0], words_mask[:, :0]
+        always = torch.ones_like(numbers[..., 0], dtype=torch.bool)
+        context = torch.cat([numbers, words], dim=1)
+        context_mask = torch.cat([always, words_mask], dim=1)
         latents, context = self.positions(self.latents_in(z), context)
-        latents = self.body(latents, self.padding(mask), context, context_mask)
+        attended = torch.ones_like(mask) if self.attends_to_padding else mask
+        latents = self.body(latents, attended, context, context_mask)
         return self.latents_out(latents) * mask[..., None]

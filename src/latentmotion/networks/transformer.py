@@ -327,24 +327,14 @@ def sinusoid(number: Float[Tensor, " batch"], width: int) -> Float[Tensor, "batc
     return torch.cat([torch.cos(angles), torch.sin(angles)], dim=-1)
 
 
-def encoder_stack(config: TransformerConfig) -> nn.Module:
-    """Builds a stack called with (x, mask)."""
-    return _stack(config, EncoderLayer)
-
-
-def decoder_stack(config: TransformerConfig) -> nn.Module:
-    """Builds a stack called with (x, mask, memory, memory_mask)."""
-    return _stack(config, DecoderLayer)
-
-
 def position(kind: PositionKind, width: int, dropout: float) -> nn.Module:
     """Builds the positions of one sequence."""
     return LearnedPosition(width) if kind == "learned" else SinePosition(width, dropout)
 
 
-def _stack(config: TransformerConfig, layer: type[EncoderLayer | DecoderLayer]) -> nn.Module:
+def layer_stack(config: TransformerConfig, layer: type[EncoderLayer | DecoderLayer]) -> nn.Module:
+    """Builds a stack of a kind of layers, called with the tokens and what each layer takes."""
     layers = [layer(config) for _ in range(config.layers)]
     norm = nn.LayerNorm(config.width) if config.final_norm else nn.Identity()
-    stack = SkipStack(layers, norm, config.width) if config.skips else Stack(layers, norm)
-    stack.apply(initialize)
-    return stack
+    layered = SkipStack(layers, norm, config.width) if config.skips else Stack(layers, norm)
+    return layered.apply(initialize)

@@ -25,7 +25,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from latentmotion.model.config import TransformerVAEConfig, VPoserTConfig
-from latentmotion.networks.transformer import decoder_stack, encoder_stack, position
+from latentmotion.networks.transformer import DecoderLayer, EncoderLayer, layer_stack, position
 from latentmotion.networks.vae.interface import MotionVAE, Posterior
 
 STRIDE = 4  # Frames that a coarse query of `TwoRateDecoder` stands for.
@@ -45,7 +45,7 @@ class CrossDecoder(FrameDecoder):
 
     def __init__(self, config: TransformerVAEConfig) -> None:
         super().__init__(config)
-        self.decoder = decoder_stack(config.transformer)
+        self.decoder = layer_stack(config.transformer, DecoderLayer)
 
     def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
         """Returns (batch, frames, width)."""
@@ -58,7 +58,7 @@ class JointDecoder(FrameDecoder):
 
     def __init__(self, config: TransformerVAEConfig) -> None:
         super().__init__(config)
-        self.encoder = encoder_stack(config.transformer)
+        self.encoder = layer_stack(config.transformer, EncoderLayer)
 
     def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
         """Returns (batch, frames, width)."""
@@ -76,9 +76,9 @@ class TwoRateDecoder(FrameDecoder):
     def __init__(self, config: TransformerVAEConfig) -> None:
         super().__init__(config)
         whole, fine = config.transformer, config.fine_layers
-        self.coarse = decoder_stack(replace(whole, layers=whole.layers - fine))
+        self.coarse = layer_stack(replace(whole, layers=whole.layers - fine), DecoderLayer)
         self.unfold = nn.Linear(whole.width, STRIDE * whole.width)
-        self.fine = decoder_stack(replace(whole, layers=fine, skips=False))
+        self.fine = layer_stack(replace(whole, layers=fine, skips=False), DecoderLayer)
 
     def forward(self, latents: Tensor, mask: Tensor) -> Tensor:
         """Returns (batch, frames, width)."""
@@ -145,7 +145,7 @@ class TransformerVAE(MotionVAE):
         count = config.tokens * (2 if own_tokens else 1)
         self.summary = nn.Parameter(torch.randn(count, width))
         self.position = position(config.position, width, config.transformer.dropout)
-        self.encoder = encoder_stack(config.transformer)  # called with (x, mask)
+        self.encoder = layer_stack(config.transformer, EncoderLayer)  # called with (x, mask)
         # Outputs of the summary tokens to a `Posterior`.
         self.distribution = TokenDistribution() if own_tokens else LinearDistribution(latent)
         self.decoder = DECODERS[config.decoding](config)  # latents and mask to outputs per frame
