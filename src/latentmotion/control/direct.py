@@ -173,7 +173,14 @@ def generate_directed(
     (frames,), (prompt,), (seed,) = request.frames, request.prompts, request.seeds
     motion, space = decoders_of(generator)(frames), generator.representation
     # A motion starts above the origin and faces +z; a pose in which it starts may be elsewhere.
-    place, yaw = _start_of(goals, space.skeleton)
+    poses = [goal for goal in goals if isinstance(goal, Pose) and goal.at < 0.5 / goal.motion.fps]
+    free = [goal for goal in goals if isinstance(goal, Reach) and not goal.relative_to]
+    half = any((goal.to[0] is None) != (goal.to[2] is None) for goal in free)
+    alike = len(poses) == 1 and poses[0].motion.skeleton.names == space.skeleton.names
+    place, yaw = np.zeros(3), 0.0
+    if alike and not half and not any(isinstance(goal, RootPath) for goal in goals):
+        first = poses[0].motion.joints[poses[0].frame].astype(np.float64)
+        place, yaw = first[0] * (1, 0, 1), float(heading(first, space.skeleton))
     local = [_seen_from(goal, place, yaw) for goal in goals]
     direction = direction_of(local, frames, space.fps, space.skeleton)
     moved = directed(direction, motion, latents_of(generator, request), space.fps)
@@ -184,18 +191,6 @@ def generate_directed(
     joints = turn(moved.joints.astype(np.float64), np.array(yaw)) + place
     world = tuple(goal for goal in goals if not isinstance(goal, RootPath))
     return replace(moved, joints=joints.astype(np.float32)), world
-
-
-def _start_of(goals: Sequence[Goal], skeleton: Skeleton) -> tuple[Float[np.ndarray, " 3"], float]:
-    """Returns where a motion starts, and its heading there, radians: those of its first pose."""
-    poses = [goal for goal in goals if isinstance(goal, Pose) and goal.at < 0.5 / goal.motion.fps]
-    free = [goal for goal in goals if isinstance(goal, Reach) and not goal.relative_to]
-    half = any((goal.to[0] is None) != (goal.to[2] is None) for goal in free)
-    fits = len(poses) == 1 and poses[0].motion.skeleton.names == skeleton.names and not half
-    if not fits or any(isinstance(goal, RootPath) for goal in goals):
-        return np.zeros(3), 0.0
-    joints = poses[0].motion.joints[poses[0].frame].astype(np.float64)
-    return joints[0] * (1, 0, 1), float(heading(joints, skeleton))
 
 
 def _seen_from(goal: Goal, place: Float[np.ndarray, " 3"], yaw: float) -> Goal:
@@ -410,8 +405,13 @@ def looking(motion: Motion, looks: Sequence[LookAt]) -> Motion:
         for frame in range(first, last + 1):
             if frame in angles:
                 raise InputError(f"two looks at {frame / motion.fps:g} s: leave one out")
-            place = motion.joints[frame, head].astype(np.float64)
-            angles[frame] = np.append(_toward(np.array(look.to), place, world[frame, head]), 0.0)
+            away = np.array(look.to) - motion.joints[frame, head].astype(np.float64)
+            angle = np.zeros(2)  # yaw and pitch by which the eyes come to look at the point
+            for _ in range(_ROUNDS):
+                x, y, z = world[frame, head].T @ away - _turned(angle[:1], angle[1:])[0] @ _EYES
+                goal = np.array([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))])
+                angle = np.clip(goal, -_FARTHEST, _FARTHEST)
+            angles[frame] = np.append(angle, 0.0)
     yaw, pitch, _ = spread(angles, len(motion), BLEND * motion.fps).T
     world[:, head] = world[:, head] @ _turned(yaw, pitch)
     turned = replace(animation, rotations=skeleton.local_rotations(world))
@@ -430,18 +430,6 @@ def missed_looks(motion: Motion, look: LookAt) -> float:
     way = np.array(look.to) - eyes
     along = (world[frames, :, 2] * way).sum(axis=-1) / np.linalg.norm(way, axis=-1)
     return float(np.degrees(np.arccos(np.clip(along, -1, 1)).max()))
-
-
-def _toward(
-    to: Float[np.ndarray, " 3"], place: Float[np.ndarray, " 3"], axes: Float[np.ndarray, "3 3"]
-) -> Float[np.ndarray, " 2"]:
-    """Returns yaw and pitch by which a head turns for its eyes to look at a point, radians."""
-    angles = np.zeros(2)
-    for _ in range(_ROUNDS):
-        way = axes.T @ (to - place) - _turned(angles[0:1], angles[1:2])[0] @ _EYES
-        goal = np.array([np.arctan2(way[0], way[2]), np.arctan2(way[1], np.hypot(way[0], way[2]))])
-        angles = np.clip(goal, -_FARTHEST, _FARTHEST)
-    return angles
 
 
 def _turned(

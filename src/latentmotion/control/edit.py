@@ -293,7 +293,8 @@ def edited(
         is_known[tokens - max(after - 1, 1) :] = True
     residual = _seam_goals(whole, gap, decoded, latents, is_known, skeleton)
     correction = Correction(decoded, residual, latents, is_known, ReachSettings(updates=1))
-    z = correction.updates(0)(sample(frames, correction)[None])[0]
+    keep = replace(correction, residual=None)
+    z = keep(sample(frames, correction)[None])[0]
     z = reach(z, decoded, residual, ~is_known, ReachSettings(updates=6))
     clip = Motion(decoded.joints(z).astype(np.float32), fps, skeleton)
     clip = clean(clip).joints.astype(np.float64)

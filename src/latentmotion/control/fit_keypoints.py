@@ -150,7 +150,15 @@ def fit_motion(
         capture = replace(capture, pitch=facts["pitch"], floor=facts["floor"])
         pieces.append((start, joints[:frames]))
         about.append(facts)
-    joints, pitch = _joined(pieces, capture.frames), about[0]["pitch"]
+    joints, pitch = np.zeros((capture.frames, *pieces[0][1].shape[1:])), about[0]["pitch"]
+    for start, piece in pieces:  # where two windows overlap, one goes over to the other
+        share = np.ones(len(piece))
+        if start:
+            shared = min(_OVERLAP, len(piece))
+            ramp = (np.arange(shared) + 1) / (shared + 1)
+            share[:shared] = ramp * ramp * (3 - 2 * ramp)
+        part = joints[start : start + len(piece)]
+        part += share[:, None, None] * (piece - part)
     if capture.flat:
         # From the camera's axes to the floor: the motion starts above the origin.
         joints = tilt(joints, -pitch)
@@ -344,8 +352,19 @@ def _fitted_window(capture: Capture, motion: DecodedMotion) -> tuple[Joints, dic
         )
     noise = float(np.hypot(capture.noise, _EXPRESSED))
     candidates = []
+    space, (joints, observed) = motion.representation, rough_joints(capture)
+    assert isinstance(space, HumanML3DRepresentation)
     for yaw, floor in product(_headings(capture), _floors(capture)):
-        start = _start(capture, motion, yaw, floor)
+        # Latents and placement to begin with, from smoothed keypoints.
+        place = np.array([joints[0, 0, 0], floor, joints[0, 0, 2]])
+        local = turn(joints - place, -yaw[:1, None])
+        local = np.concatenate([local, 2 * local[-1:] - local[-2:-1]])
+        ahead = np.concatenate([yaw, yaw[-1:]]) - yaw[0]
+        features = space.describe(local, ahead)[:, : joint_features(space)]
+        weights = np.ones(features.shape)
+        weights[:, space.blocks["positions"]] = np.repeat(observed[:, 1:], 3, axis=1)
+        z = fit_features(motion, features, weights, 0.2, 30)
+        start = np.concatenate([z.ravel(), yaw[:1], place, [capture.pitch or 0.0]])
         value, p = _refined(observation, motion, start, noise, 30 if capture.flat else 100)
         candidates.append((value * (1.0 if floor else _COMMON), p))
     _, p = min(candidates, key=lambda found: found[0])
@@ -410,32 +429,6 @@ def unlikeliness(
 def _placed(motion: DecodedMotion, p: Float[np.ndarray, " numbers"], width: int) -> Joints:
     joints = turn(motion.joints(p[:-5].reshape(-1, width)), np.array(p[-5]))
     return tilt(joints, float(p[-1])) + p[-4:-1]
-
-
-def _start(
-    capture: Capture, motion: DecodedMotion, yaw: Curve, floor: float
-) -> Float[np.ndarray, " numbers"]:
-    """Returns latents and placement to begin with, from smoothed keypoints.
-
-    Args:
-        capture: What was seen.
-        motion: The motion as a function of its latents.
-        yaw: Heading of the body in each frame.
-        floor: Its height, meters.
-    """
-    space = motion.representation
-    assert isinstance(space, HumanML3DRepresentation)
-    joints, observed = rough_joints(capture)
-    place = np.array([joints[0, 0, 0], floor, joints[0, 0, 2]])
-    local = turn(joints - place, -yaw[:1, None])
-    local = np.concatenate([local, 2 * local[-1:] - local[-2:-1]])
-    ahead = np.concatenate([yaw, yaw[-1:]]) - yaw[0]
-    count = joint_features(space)
-    features = space.describe(local, ahead)[:, :count]
-    weights = np.ones(features.shape)
-    weights[:, space.blocks["positions"]] = np.repeat(observed[:, 1:], 3, axis=1)
-    z = fit_features(motion, features, weights, 0.2, 30)
-    return np.concatenate([z.ravel(), yaw[:1], place, [capture.pitch or 0.0]])
 
 
 def _floors(capture: Capture) -> list[float]:
@@ -604,20 +597,6 @@ def _bridged(observation: Observation, joints: Joints, fps: float) -> Joints:
             curve += length * ((t**3 - 2 * t**2 + t) * before + (t**3 - t**2) * after)
             bridged[last + 1 : first, joint] += share * (curve - joints[last + 1 : first, joint])
     return bridged
-
-
-def _joined(pieces: list[tuple[int, Float[np.ndarray, "_ joints 3"]]], count: int) -> Joints:
-    """Returns windows as one: where two overlap, one goes over to the other."""
-    whole = np.zeros((count, *pieces[0][1].shape[1:]))
-    for start, piece in pieces:
-        share = np.ones(len(piece))
-        if start:
-            shared = min(_OVERLAP, len(piece))
-            ramp = (np.arange(shared) + 1) / (shared + 1)
-            share[:shared] = ramp * ramp * (3 - 2 * ramp)
-        part = whole[start : start + len(piece)]
-        part += share[:, None, None] * (piece - part)
-    return whole
 
 
 # Deviations beyond which what is off counts by its size, no longer by its square.

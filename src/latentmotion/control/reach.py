@@ -22,7 +22,7 @@ row of the decoder's pullback a step, and comes nearer to the motion than encodi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -239,10 +239,6 @@ class Correction:
         if self.residual is not None and self.settings.updates:
             clean = reach(clean, self.motion, self.residual, free, self.settings)
         return clean[None]
-
-    def updates(self, count: int) -> Correction:
-        """Returns the same with so many steps of Gauss-Newton."""
-        return replace(self, settings=replace(self.settings, updates=count))
 
 
 def joint_features(representation: Representation) -> int:

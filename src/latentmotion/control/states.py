@@ -202,20 +202,33 @@ def _traveling_loop(
         if _steps(loop)[0] == _CYCLES:
             every.append(loop)
     speed = state.speed or float(np.median([_speed(loop) for loop in every] or [1.0]))
-    loops: list[Motion] = []
+    loops: list[tuple[float, Motion]] = []
     for loop in every:
-        timed = _at_speed(loop, speed)
-        if timed is not None:  # it begins with the frame in which the left foot is ahead most
-            whole, first = unrolled(timed, 0, 1).joints, _steps(timed)[1]
-            joints = np.concatenate([whole, whole[-1:]])[first : first + len(timed)]
-            loops.append(_placed(_on_body(_with(timed, joints), body)))
+        # In another time, and what is left by its step.
+        factor, count = _speed(loop) / speed, len(loop) - 1
+        if not 1 / _FASTER <= factor <= _FASTER:
+            continue
+        frames = 2 * max(round(count * factor / 2), 2)  # even numbers fall on 30 frames per second
+        timed = loop.resampled(loop.fps * frames / count)
+        step = turn_of(timed)[1]
+        stride = step / np.linalg.norm(step) * speed * frames / loop.fps
+        timed = _advancing(replace(timed, fps=loop.fps), stride)
+        # It begins with the frame in which the left foot is ahead most.
+        whole, first = unrolled(timed, 0, 1).joints, _steps(timed)[1]
+        joints = np.concatenate([whole, whole[-1:]])[first : first + len(timed)]
+        moved = _placed(_on_body(_with(timed, joints), body))
+        # The bend at its ends beside the greatest one, 0 to 1, and how far its feet slide.
+        bends = np.diff(unrolled(moved, 1, 1).joints, n=2, axis=0)
+        bends = np.linalg.norm(bends, axis=-1).max(axis=-1)
+        ends = bends[len(moved) - 3 : len(moved)].max() / max(bends.max(), 1e-9)
+        loops.append((sliding_in_contact(moved) + float(ends), moved))
     if not loops:
         pace = "" if state.speed is None else f" at {state.speed:g} m/s"
         raise InputError(
             f"state {state.name!r}: none of {len(_LENGTHS) * takes} loops of {state.prompt!r} has "
             f"{_CYCLES} steps of each foot{pace}; choose another speed, seed or sentence"
         )
-    return min(loops, key=lambda loop: sliding_in_contact(loop) + _roughness(loop))
+    return min(loops, key=lambda loop: loop[0])[1]
 
 
 def _move(generator: TakesGenerator, state: State, start: Motion, seed: int) -> Motion:
@@ -281,18 +294,6 @@ def _advancing(loop: Motion, step: Float[np.ndarray, " 3"]) -> Motion:
     return _with(loop, loop.joints + share * more)
 
 
-def _at_speed(loop: Motion, speed: float) -> Motion | None:
-    """Returns a loop at a speed: in another time, and what is left by its step; None if too far."""
-    factor, count = _speed(loop) / speed, len(loop) - 1
-    if not 1 / _FASTER <= factor <= _FASTER:
-        return None
-    frames = 2 * max(round(count * factor / 2), 2)  # an even number falls on 30 frames per second
-    timed = loop.resampled(loop.fps * frames / count)
-    step = turn_of(timed)[1]
-    stride = step / np.linalg.norm(step) * speed * frames / loop.fps
-    return _advancing(replace(timed, fps=loop.fps), stride)
-
-
 def _steps(loop: Motion) -> tuple[int, int]:
     """Returns how often the left foot passes the right one in a turn, and when it is ahead most."""
     names, joints = loop.skeleton.names, loop.joints[:-1].astype(np.float64)
@@ -306,10 +307,3 @@ def _steps(loop: Motion) -> tuple[int, int]:
     period = len(ahead) / cycles
     phase = round(-float(np.angle(waves[cycles])) / (2 * np.pi) * period) % round(period)
     return cycles, phase
-
-
-def _roughness(loop: Motion) -> float:
-    """Returns the bend at the ends of a loop beside the greatest one, 0 to 1."""
-    bends = np.linalg.norm(np.diff(unrolled(loop, 1, 1).joints, n=2, axis=0), axis=-1).max(axis=-1)
-    count = len(loop) - 1
-    return float(bends[count - 2 : count + 1].max() / max(bends.max(), 1e-9))
