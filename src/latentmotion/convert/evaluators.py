@@ -26,7 +26,7 @@ from latentmotion.evaluation.evaluators.interface import EVALUATOR_FILE
 from latentmotion.evaluation.evaluators.text_motion_network import TextMotionConfig
 from latentmotion.evaluation.evaluators.words import read_glove
 from latentmotion.model.card import Provenance
-from latentmotion.networks.checkpoint import check_sizes, load_weights
+from latentmotion.networks.checkpoint import built
 from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.array_files import read_array
 from latentmotion.storage.files import check_replaceable, sha256
@@ -67,9 +67,7 @@ def convert_evaluator(
     """
     weights = evaluator_weights(checkpoint)
     config = evaluator_config(weights, checkpoint)
-    check_sizes(config.build, weights, str(checkpoint))
-    networks, features = config.build(), config.features
-    load_weights(networks, weights, str(checkpoint))
+    networks, features = built(config.build, weights, str(checkpoint)), config.features
     vectors = read_glove(glove)
     if vectors.width != config.word_width:
         raise InputError(

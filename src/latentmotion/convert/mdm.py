@@ -57,7 +57,20 @@ def latent_model(weights: mld.Weights, path: Path, origin: mld.Origin) -> checkp
         )
     if not any(name.startswith(_STACK) for name in weights):
         raise ModelError(f"{path}: expected MDM's encoder (trans_enc); other variants are not read")
-    config = _config(weights, origin)
+    width, features = mld.shape(weights, "input_process.poseEmbedding.weight")
+    by_text = "embed_text.weight" in weights
+    words, actions = ("embed_text.weight", 1), ("embed_action.action_embedding", 0)
+    name, axis = words if by_text else actions
+    config = DenoiserConfig(
+        latent_width=features,
+        condition_width=mld.shape(weights, name)[axis],
+        transformer=mld.transformer(weights, _STACK, origin),
+        condition_projection="linear" if by_text else "table",
+        words="added_to_time",
+        positions="context_first",
+        position="sine",
+        sine_width=width,
+    )
     twice = "embed_timestep.sequence_pos_encoder.pe"
     used = {
         name: weight.float()
@@ -85,21 +98,3 @@ def latent_model(weights: mld.Weights, path: Path, origin: mld.Origin) -> checkp
         provenance=replace(card.provenance, license=terms),
     )
     return checkpoint.LatentModel(card, build(vae), network)
-
-
-def _config(weights: mld.Weights, origin: mld.Origin) -> DenoiserConfig:
-    width, features = mld.shape(weights, "input_process.poseEmbedding.weight")
-    if "embed_text.weight" in weights:
-        words = mld.shape(weights, "embed_text.weight")[1]
-    else:
-        words = mld.shape(weights, "embed_action.action_embedding")[0]
-    return DenoiserConfig(
-        latent_width=features,
-        condition_width=words,
-        transformer=mld.transformer(weights, _STACK, origin),
-        condition_projection="linear" if "embed_text.weight" in weights else "table",
-        words="added_to_time",
-        positions="context_first",
-        position="sine",
-        sine_width=width,
-    )

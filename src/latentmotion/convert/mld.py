@@ -12,10 +12,10 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
-from torch import Tensor, nn
+from torch import Tensor
 
 from latentmotion.convert import reading
 from latentmotion.data.sources.actor import ACTIONS
@@ -33,7 +33,6 @@ from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
 
 Weights = Mapping[str, Tensor]
-Network = TypeVar("Network", bound=nn.Module)
 
 # The text encoders of MLD and of MotionLCM.
 _TEXT_ENCODERS = ("openai/clip-vit-large-patch14", "sentence-transformers/sentence-t5-large")
@@ -138,8 +137,8 @@ def load_denoiser(
 
 
 def loaded(
-    make: Callable[[], Network], weights: Weights, names: Sequence[str], where: str
-) -> Network:
+    make: Callable[[], checkpoint.Network], weights: Weights, names: Sequence[str], where: str
+) -> checkpoint.Network:
     """Returns a network with the authors' weights.
 
     Args:
@@ -152,10 +151,7 @@ def loaded(
         ModelError: A weight is missing or has another shape.
     """
     renamed = reading.rename(weights, reading.rules_of(*names))
-    checkpoint.check_sizes(make, renamed, where)
-    network = make()
-    checkpoint.load_weights(network, renamed, where)
-    return network
+    return checkpoint.built(make, renamed, where)
 
 
 def model_card(
@@ -176,7 +172,17 @@ def model_card(
         InputError: The normalizer is missing, or it or the labels do not fit.
     """
     features, encoded = vae.features, vae.has_weights
-    mean, std = _normalizer(features, origin)
+    if origin.normalizer is None and features != 150:
+        raise InputError(
+            "the authors' checkpoints don't hold the mean and deviation of the features; pass the "
+            "data set's own: --mean Mean.npy --std Std.npy (HumanML3D's are in its repository)"
+        )
+    # Action data is not normalized.
+    statistics = origin.normalizer or (np.zeros(features), np.ones(features))
+    mean, std = (tuple(map(float, np.ravel(values))) for values in statistics)
+    if not len(mean) == len(std) == features:
+        sizes = f"{len(mean)} means and {len(std)} deviations"
+        raise InputError(f"the normalizer has {sizes}, the checkpoint {features} features")
     condition = _condition(denoiser, origin)
     return ModelCard(
         name=path.stem,
@@ -288,21 +294,6 @@ def _condition(denoiser: configs.DenoiserConfig | None, origin: Origin) -> TextT
         return ActionTask(labels)
     encoder = origin.text_encoder or _TEXT_ENCODERS[denoiser.condition_projection == "linear"]
     return TextTask(encoder, denoiser.condition_width)
-
-
-def _normalizer(features: int, origin: Origin) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    if origin.normalizer is None and features == 150:
-        return (0.0,) * features, (1.0,) * features  # action data is not normalized
-    if origin.normalizer is None:
-        raise InputError(
-            "the authors' checkpoints don't hold the mean and deviation of the features; pass the "
-            "data set's own: --mean Mean.npy --std Std.npy (HumanML3D's are in its repository)"
-        )
-    mean, std = (tuple(map(float, np.ravel(values))) for values in origin.normalizer)
-    if not len(mean) == len(std) == features:
-        sizes = f"{len(mean)} means and {len(std)} deviations"
-        raise InputError(f"the normalizer has {sizes}, the checkpoint {features} features")
-    return mean, std
 
 
 def transformer(weights: Weights, stack: str, origin: Origin) -> configs.TransformerConfig:

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import overload
+from typing import TypeVar, overload
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -50,6 +50,8 @@ SCALE = ".scale"  # Ends the name of the scales of a matrix in 8 bits, one for e
 
 # Metadata key of the hash of an encoder that is in a shipped model instead.
 ENCODER_HASH = "vae_encoder"
+
+Network = TypeVar("Network", bound=nn.Module)
 
 _ENCODER = "vae.encoder."
 _DTYPES = {
@@ -126,16 +128,12 @@ def load_stages(folder: str | Path) -> FirstStageModel:
     weights = model_weights(Path(folder))
     source = str(Path(folder) / WEIGHTS_FILE)
 
-    def fresh() -> FirstStageModel | LatentModel:
-        vae = build(card.vae)
-        if card.denoiser is None:
-            return FirstStageModel(card, vae)
-        return LatentModel(card, vae, build(card.denoiser))
+    def fresh() -> nn.ModuleDict:
+        denoiser = {"denoiser": build(card.denoiser)} if card.denoiser else {}
+        return nn.ModuleDict({"vae": build(card.vae), **denoiser})
 
-    check_sizes(lambda: nn.ModuleDict(fresh().networks), weights, source)
-    model = fresh()
-    load_weights(nn.ModuleDict(model.networks), weights, source)
-    return model
+    networks: dict[str, Any] = dict(built(fresh, weights, source))
+    return LatentModel(card, **networks) if card.denoiser else FirstStageModel(card, **networks)
 
 
 def check_sizes(make: Callable[[], nn.Module], weights: Mapping[str, Tensor], source: str) -> None:
@@ -151,6 +149,18 @@ def check_sizes(make: Callable[[], nn.Module], weights: Mapping[str, Tensor], so
     """
     with torch.device("meta"):
         _check_shapes(make(), weights, source)
+
+
+def built(make: Callable[[], Network], weights: dict[str, Tensor], source: str) -> Network:
+    """Builds a network with the weights of a file, whose sizes are compared first.
+
+    Raises:
+        ModelError: Names or shapes differ from the network's.
+    """
+    check_sizes(make, weights, source)
+    network = make()
+    load_weights(network, weights, source)
+    return network
 
 
 def load_weights(module: nn.Module, weights: dict[str, Tensor], source: str) -> None:
@@ -268,14 +278,6 @@ def read_weights(path: Path) -> dict[str, Tensor]:
 @overload
 def build(config: DenoiserConfig) -> DenoiserNetwork: ...
 @overload
-def build(config: TransformerVAEConfig) -> TransformerVAE: ...
-@overload
-def build(config: ConvolutionalVAEConfig) -> ConvolutionalVAE: ...
-@overload
-def build(config: VPoserTConfig) -> VPoserT: ...
-@overload
-def build(config: IdentityVAEConfig) -> IdentityVAE: ...
-@overload
 def build(config: VAEConfig) -> MotionVAE: ...
 def build(config: DenoiserConfig | VAEConfig) -> DenoiserNetwork | MotionVAE:
     """Builds the network of a configuration with fresh weights.
@@ -319,30 +321,28 @@ def start_from(network: nn.Module, trained: nn.Module, channels: int, before: in
             "the model to start from has other layers, or more latent channels; use the preset and "
             "settings that it was trained with"
         )
-    network.load_state_dict(
-        {name: _widened(name, fresh[name], start[name], channels, before) for name in fresh}
-    )
-
-
-def _widened(name: str, fresh: Tensor, trained: Tensor, channels: int, before: int) -> Tensor:
-    """Returns the trained weights, followed by fresh ones for new channels."""
-    if fresh.shape == trained.shape:
-        return trained
-    result, shapes = fresh.clone(), (tuple(fresh.shape), tuple(trained.shape))
-    match shapes:
-        case ((to, *_), (of, *_)) if (to, of) == (2 * channels, 2 * before):
-            # The encoder's last layer: all means, then all log variances.
-            result[channels:] = 0
-            result[:before], result[channels : channels + before] = trained.chunk(2)
-        case ((to, *_), (of, *_)) if (to, of) == (channels, before):
-            result[before:] = 0
-            result[:before] = trained
-        case ((_, to, *_), (_, of, *_)) if (to, of) == (channels, before):
-            result[:, before:] = 0
-            result[:, :before] = trained
-        case _:
-            raise InputError(
-                f"the model to start from has {name} of shape {shapes[1]}, expected {shapes[0]}; "
-                "use the preset and settings that it was trained with"
-            )
-    return result
+    weights: dict[str, Tensor] = {}
+    for name, trained_tensor in start.items():
+        weights[name] = result = fresh[name].clone()
+        shapes = tuple(result.shape), tuple(trained_tensor.shape)
+        if shapes[0] == shapes[1]:
+            weights[name] = trained_tensor
+            continue
+        match shapes:
+            case ((to, *_), (of, *_)) if (to, of) == (2 * channels, 2 * before):
+                # The encoder's last layer: all means, then all log variances.
+                result[channels:] = 0
+                means, variances = trained_tensor.chunk(2)
+                result[:before], result[channels : channels + before] = means, variances
+            case ((to, *_), (of, *_)) if (to, of) == (channels, before):
+                result[before:] = 0
+                result[:before] = trained_tensor
+            case ((_, to, *_), (_, of, *_)) if (to, of) == (channels, before):
+                result[:, before:] = 0
+                result[:, :before] = trained_tensor
+            case _:
+                raise InputError(
+                    f"the model to start from has {name} of shape {shapes[1]}, expected "
+                    f"{shapes[0]}; use the preset and settings that it was trained with"
+                )
+    network.load_state_dict(weights)
