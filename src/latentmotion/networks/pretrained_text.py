@@ -23,8 +23,10 @@ import json
 import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import torch
@@ -55,10 +57,10 @@ class SentenceT5(nn.Module):
 
     def forward(
         self, input_ids: Int[Tensor, "batch words"], attention_mask: Int[Tensor, "batch words"]
-    ) -> Float[Tensor, "batch words width"]:
-        """Returns a vector of each word."""
+    ) -> SimpleNamespace:
+        """Returns a vector of each word, as `last_hidden_state`."""
         states = self.encoder(input_ids=input_ids, attention_mask=attention_mask)
-        return self.dense(states.last_hidden_state)
+        return SimpleNamespace(last_hidden_state=self.dense(states.last_hidden_state))
 
 
 def with_dense(encoder: Any, source: str) -> SentenceT5:
@@ -123,31 +125,12 @@ class EncodedSentences:
 Read = Callable[[Any, Any, Any], EncodedSentences]
 
 
-def mean_of_words(
-    words: Float[torch.Tensor, "batch words width"], mask: Mask
-) -> Float[torch.Tensor, "batch width"]:
-    """Returns the mean over the real words."""
-    weights = mask[..., None].to(words.dtype)
-    return (words * weights).sum(1) / weights.sum(1)
-
-
-def read_mean(model: Any, tokens: Tokens, mask: Mask) -> EncodedSentences:
-    """Last states and their mean (DistilBERT, T5)."""
+def read_mean(model: Any, tokens: Tokens, mask: Mask, unit: bool = False) -> EncodedSentences:
+    """Last states and the mean of the real ones, at unit length as sentence-transformers does."""
     words = model(input_ids=tokens, attention_mask=mask.long()).last_hidden_state
-    return EncodedSentences(mean_of_words(words, mask), words * mask[..., None], mask)
-
-
-def read_minilm(model: Any, tokens: Tokens, mask: Mask) -> EncodedSentences:
-    """Last states and their mean at unit length, as sentence-transformers does."""
-    reading = read_mean(model, tokens, mask)
-    pooled = torch.nn.functional.normalize(reading.pooled, dim=-1)
-    return EncodedSentences(pooled, reading.words, mask)
-
-
-def read_sentence_t5(model: SentenceT5, tokens: Tokens, mask: Mask) -> EncodedSentences:
-    """States after the dense layer, and their mean at unit length."""
-    words = model(tokens, mask.long())
-    pooled = torch.nn.functional.normalize(mean_of_words(words, mask), dim=-1)
+    weights = mask[..., None].to(words.dtype)
+    pooled = (words * weights).sum(1) / weights.sum(1)
+    pooled = torch.nn.functional.normalize(pooled, dim=-1) if unit else pooled
     return EncodedSentences(pooled, words * mask[..., None], mask)
 
 
@@ -187,20 +170,19 @@ class Pretrained:
     finish: Callable[[Any, str], Any] | None = None
 
 
+_read_unit = partial(read_mean, unit=True)
 _SENTENCE_T5 = "sentence-transformers/sentence-t5-large"
 
 KINDS: dict[str, Pretrained] = {
     "minilm": Pretrained(
-        "sentence-transformers/all-MiniLM-L6-v2", "AutoModel", read_minilm, longest=128
+        "sentence-transformers/all-MiniLM-L6-v2", "AutoModel", _read_unit, longest=128
     ),
     "clip": Pretrained("openai/clip-vit-large-patch14", "CLIPModel", read_clip, longest=77),
     "clip_hidden": Pretrained(
         "openai/clip-vit-large-patch14", "CLIPModel", read_clip_hidden, 77, "max_length"
     ),
     "distilbert": Pretrained("distilbert-base-uncased", "AutoModel", read_mean, longest=512),
-    "sentence_t5": Pretrained(
-        _SENTENCE_T5, "T5EncoderModel", read_sentence_t5, 256, finish=with_dense
-    ),
+    "sentence_t5": Pretrained(_SENTENCE_T5, "T5EncoderModel", _read_unit, 256, finish=with_dense),
     "t5": Pretrained(_SENTENCE_T5, "T5EncoderModel", read_mean, 256),
 }
 
