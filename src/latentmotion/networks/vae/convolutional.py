@@ -28,7 +28,15 @@ from latentmotion.model.config import (
     MirroredDecoder,
     QuarterRateDecoder,
 )
-from latentmotion.networks.vae.interface import MotionVAE, Posterior, decoder_modules
+from latentmotion.networks.vae.interface import (
+    Features,
+    FrameMask,
+    Latents,
+    MotionVAE,
+    Posterior,
+    TokenMask,
+    decoder_modules,
+)
 
 
 class Chain(nn.ModuleList):
@@ -125,7 +133,7 @@ class Unfold(nn.Module):
         return frames.permute(0, 2, 3, 1).flatten(2) * row
 
 
-def pyramid(mask: Bool[Tensor, "batch frames"]) -> list[Tensor]:
+def pyramid(mask: FrameMask) -> list[Tensor]:
     """Returns masks at full, half and quarter rate, padded to a multiple of `STRIDE` frames."""
     full = F.pad(mask, (0, -mask.shape[1] % STRIDE))
     return [full, full[:, ::2], full[:, ::4]]
@@ -174,9 +182,7 @@ class ConvolutionalVAE(MotionVAE):
         # Features to mean and logvar of the latents, T → T/2 → T/4; latents to features.
         self.encoder, self.decoder, self.latent_width = Chain(encoder), Chain(decoder), channels
 
-    def encode(
-        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
-    ) -> Posterior:
+    def encode(self, features: Features, mask: FrameMask) -> Posterior:
         """Returns the distribution of ceil(frames / 4) latent tokens."""
         masks = pyramid(mask)
         padding = masks[0].shape[1] - mask.shape[1]
@@ -184,15 +190,13 @@ class ConvolutionalVAE(MotionVAE):
         mean, logvar = self.encoder(x, masks).transpose(1, 2).chunk(2, dim=-1)
         return Posterior(mean, logvar.clamp(max=MAX_LOGVAR))
 
-    def decode(
-        self, latents: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch frames"]
-    ) -> Float[Tensor, "batch frames features"]:
+    def decode(self, latents: Latents, mask: FrameMask) -> Features:
         """Returns features of as many frames as the mask has."""
         masks = pyramid(mask)
         x = latents.transpose(1, 2) * as_row(masks[-1])
         return self.decoder(x, masks[::-1]).transpose(1, 2)[:, : mask.shape[1]]
 
-    def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
+    def latent_mask(self, mask: FrameMask) -> TokenMask:
         """Returns True for a token whose first frame is real."""
         return mask[:, ::STRIDE]
 

@@ -26,31 +26,26 @@ from torch import Tensor, nn
 
 from latentmotion.kinematics.skeleton import Skeleton
 
+# Normalized features and latents, padded, and what of them is real.
+Features = Float[Tensor, "batch frames features"]
+Latents = Float[Tensor, "batch tokens width"]
+FrameMask = Bool[Tensor, "batch frames"]
+TokenMask = Bool[Tensor, "batch tokens"]
+
 
 @dataclass(frozen=True)
 class Posterior:
     """q(z | motion) = N(mean, exp(logvar))."""
 
-    mean: Float[Tensor, "batch tokens width"]  # Mean of each latent number.
-    logvar: Float[Tensor, "batch tokens width"]  # Logarithm of its variance.
+    mean: Latents  # Mean of each latent number.
+    logvar: Latents  # Logarithm of its variance.
 
     @property
-    def std(self) -> Float[Tensor, "batch tokens width"]:
+    def std(self) -> Latents:
         """Standard deviation of each latent number."""
         return torch.exp(0.5 * self.logvar)
 
-    def sample(
-        self, generator: torch.Generator | None = None
-    ) -> Float[Tensor, "batch tokens width"]:
-        """Draws latents, differentiable in mean and logvar (paper, section 3.1).
-
-        Args:
-            generator: Source of randomness on the CPU, so that a seed means the same everywhere.
-        """
-        noise = torch.randn(self.mean.shape, generator=generator, dtype=self.mean.dtype)
-        return self.mean + self.std * noise.to(self.mean.device)
-
-    def kl(self) -> Float[Tensor, "batch tokens width"]:
+    def kl(self) -> Latents:
         """Returns KL(q ‖ N(0, 1)) of each latent number, in nats."""
         return 0.5 * (self.mean**2 + self.logvar.exp() - 1 - self.logvar)
 
@@ -72,9 +67,7 @@ class MotionVAE(nn.Module, ABC):
     DECODER_MODULES: ClassVar[tuple[str, ...]] = ("decoder",)
 
     @abstractmethod
-    def encode(
-        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
-    ) -> Posterior:
+    def encode(self, features: Features, mask: FrameMask) -> Posterior:
         """Returns the distribution of the latents, (batch, tokens, width).
 
         Args:
@@ -83,9 +76,7 @@ class MotionVAE(nn.Module, ABC):
         """
 
     @abstractmethod
-    def decode(
-        self, latents: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch frames"]
-    ) -> Float[Tensor, "batch frames features"]:
+    def decode(self, latents: Latents, mask: FrameMask) -> Features:
         """Returns normalized features, zero on padding.
 
         Args:
@@ -94,7 +85,7 @@ class MotionVAE(nn.Module, ABC):
         """
 
     @abstractmethod
-    def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
+    def latent_mask(self, mask: FrameMask) -> TokenMask:
         """Returns which latent tokens are real, from which frames are."""
 
 
@@ -146,13 +137,6 @@ def mean_of_real(
     return (values.flatten(2).mean(dim=2) * weights).sum(dim=1).mean()
 
 
-def mean_of_all(
-    values: Float[Tensor, "batch length *_ width"], mask: Bool[Tensor, "batch length"]
-) -> Float[Tensor, ""]:
-    """Returns the mean over padding as well: a quirk of the authors' losses."""
-    return values.mean()
-
-
 # Speed in m/s below which a true foot joint counts as standing; real contacts slide at 0.14.
 STANDING = 0.2
 
@@ -198,13 +182,13 @@ class VAEObjective:
     @property
     def mean(self) -> Mean:
         """Averaging of distances and divergences over a padded batch."""
-        return mean_of_all if self.padded_means else mean_of_real
+        return (lambda values, mask: values.mean()) if self.padded_means else mean_of_real
 
 
 def vae_losses(
     vae: MotionVAE,
-    features: Float[Tensor, "batch frames features"],
-    mask: Bool[Tensor, "batch frames"],
+    features: Features,
+    mask: FrameMask,
     noise: Callable[..., Tensor],
     joints_of: Callable[[Tensor], Tensor],
     fps: float,
@@ -246,9 +230,9 @@ def vae_losses(
 
 
 def feature_losses(
-    output: Float[Tensor, "batch frames features"],
-    true: Float[Tensor, "batch frames features"],
-    mask: Bool[Tensor, "batch frames"],
+    output: Features,
+    true: Features,
+    mask: FrameMask,
     joints_of: Callable[[Tensor], Tensor],
     fps: float,
     objective: VAEObjective,
@@ -299,7 +283,7 @@ def feature_losses(
 def _spectral_distance(
     output: Float[Tensor, "batch steps joints 3"],
     true: Float[Tensor, "batch steps joints 3"],
-    mask: Bool[Tensor, "batch frames"],
+    mask: FrameMask,
     fps: float,
     mean: Mean,
 ) -> Float[Tensor, ""]:

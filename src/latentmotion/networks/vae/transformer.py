@@ -21,12 +21,19 @@ from dataclasses import replace
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from latentmotion.model.config import TransformerVAEConfig, VPoserTConfig
 from latentmotion.networks.transformer import DecoderLayer, EncoderLayer, layer_stack, position
-from latentmotion.networks.vae.interface import MotionVAE, Posterior
+from latentmotion.networks.vae.interface import (
+    Features,
+    FrameMask,
+    Latents,
+    MotionVAE,
+    Posterior,
+    TokenMask,
+)
 
 STRIDE = 4  # Frames that a coarse query of `TwoRateDecoder` stands for.
 
@@ -153,22 +160,18 @@ class TransformerVAE(MotionVAE):
         self.narrow = nn.Linear(width, latent) if adapted else nn.Identity()
         self.widen = nn.Linear(latent, width) if adapted else nn.Identity()
 
-    def encode(
-        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
-    ) -> Posterior:
+    def encode(self, features: Features, mask: FrameMask) -> Posterior:
         """Returns the distribution of the latent tokens."""
         summary = self.summary.expand(features.shape[0], -1, -1)
         x = self.position(torch.cat([summary, self.frames_in(features)], dim=1))
         x = self.encoder(x, torch.cat([all_real(summary), mask], dim=1))
         return self.distribution(self.narrow(x[:, : summary.shape[1]]))
 
-    def decode(
-        self, latents: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch frames"]
-    ) -> Float[Tensor, "batch frames features"]:
+    def decode(self, latents: Latents, mask: FrameMask) -> Features:
         """Returns features of as many frames as the mask has."""
         return self.frames_out(self.decoder(self.widen(latents), mask)) * mask[..., None]
 
-    def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
+    def latent_mask(self, mask: FrameMask) -> TokenMask:
         """Returns True for every token: each stands for the whole motion."""
         return mask.new_ones(mask.shape[0], self.tokens)
 
@@ -205,9 +208,7 @@ class VPoserT(MotionVAE):
             nn.Unflatten(1, (config.frames, config.features)),
         )
 
-    def encode(
-        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
-    ) -> Posterior:
+    def encode(self, features: Features, mask: FrameMask) -> Posterior:
         """Returns the distribution of the one latent token.
 
         Raises:
@@ -223,9 +224,7 @@ class VPoserT(MotionVAE):
         deviation = self.deviation(h).float().clamp(min=LEAST_DEVIATION)
         return Posterior(self.mean(h), 2 * deviation.log())
 
-    def decode(
-        self, latents: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch frames"]
-    ) -> Float[Tensor, "batch frames features"]:
+    def decode(self, latents: Latents, mask: FrameMask) -> Features:
         """Returns the first frames of the one length.
 
         Raises:
@@ -234,7 +233,7 @@ class VPoserT(MotionVAE):
         self.config.check(mask.shape[1])
         return self.decoder(latents[:, 0])[:, : mask.shape[1]] * mask[..., None]
 
-    def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
+    def latent_mask(self, mask: FrameMask) -> TokenMask:
         """Returns True for the one token."""
         return mask.new_ones(mask.shape[0], 1)
 
@@ -248,18 +247,14 @@ class IdentityVAE(MotionVAE):
         super().__init__()
         self.latent_width = features
 
-    def encode(
-        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
-    ) -> Posterior:
+    def encode(self, features: Features, mask: FrameMask) -> Posterior:
         """Returns the real frames as means, with the logarithm of a variance of 0."""
         return Posterior(features * mask[..., None], torch.full_like(features, -torch.inf))
 
-    def decode(
-        self, latents: Float[Tensor, "batch tokens width"], mask: Bool[Tensor, "batch frames"]
-    ) -> Float[Tensor, "batch frames features"]:
+    def decode(self, latents: Latents, mask: FrameMask) -> Features:
         """Returns the latents, zero on padding."""
         return latents * mask[..., None]
 
-    def latent_mask(self, mask: Bool[Tensor, "batch frames"]) -> Bool[Tensor, "batch tokens"]:
+    def latent_mask(self, mask: FrameMask) -> TokenMask:
         """Returns the mask itself."""
         return mask
