@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -18,36 +17,22 @@ from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import FeatureDecoder, normalizer_of
 from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.request import GenerationRequest, batches
-from latentmotion.evaluation.protocol import Protocol as EvaluationProtocol
-from latentmotion.evaluation.protocol import Replication, TestPrompt
+from latentmotion.evaluation.protocol import Protocol, Replication, TestPrompt
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import Sampling
 from latentmotion.networks.vae.interface import MotionVAE
+from latentmotion.pipeline import MotionPipeline
 
 Motions = list[Float[np.ndarray, "_ features"]]
 
 MAX_BATCH_SIZE = 32  # Motions that a VAE reconstructs in one batch.
 
 
-@runtime_checkable
-class EvaluatedGenerator(Protocol):
-    """The part of `MotionPipeline` that an evaluation uses."""
-
-    @property
-    def card(self) -> ModelCard:
-        """The model's card."""
-        ...
-
-    def generate(self, request: GenerationRequest) -> Motions:
-        """Returns motions in their own units, (frames, features)."""
-        ...
-
-
 @dataclass(frozen=True)
 class Generated:
     """Motions that a generator makes from captions, labels, or lengths alone."""
 
-    generator: EvaluatedGenerator  # The model, a `MotionPipeline`.
+    generator: MotionPipeline  # The model.
     # Steps, guidance scale and sampler; by default the model's own.
     sampling: Sampling | None = None
     weights: str = ""  # Hash of its files.
@@ -64,7 +49,7 @@ class Generated:
         """Whether the model takes prompts."""
         return self.card.condition.prompted
 
-    def __call__(self, replication: Replication, protocol: EvaluationProtocol) -> Motions:
+    def __call__(self, replication: Replication, protocol: Protocol) -> Motions:
         """Returns one motion per test prompt."""
         seeds = protocol.seeds("motions", replication.number, len(replication.prompts))
         return self.generate(replication.prompts, seeds)
@@ -90,7 +75,7 @@ class Reconstructed:
     reconstructs = True
     prompted = True
 
-    def __call__(self, replication: Replication, protocol: EvaluationProtocol) -> Motions:
+    def __call__(self, replication: Replication, protocol: Protocol) -> Motions:
         """Returns the reconstruction of every real motion."""
         sampled = protocol.quirks.sampled_latents if self.sampled is None else self.sampled
         seeds = protocol.seeds("motions", replication.number, len(replication.prompts))
@@ -140,7 +125,7 @@ class Prior:
         """The model's card."""
         return self.prior.card
 
-    def __call__(self, replication: Replication, protocol: EvaluationProtocol) -> Motions:
+    def __call__(self, replication: Replication, protocol: Protocol) -> Motions:
         """Returns one motion per length."""
         seeds = protocol.seeds("motions", replication.number, len(replication.prompts))
         return self.prior.features(replication.frames, seeds)

@@ -109,6 +109,10 @@ from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.representation.canonical import heading, turn
 
+Joints = Float[np.ndarray, "_ joints 3"]
+Features = Float[np.ndarray, "_ width"]  # Embeddings, a row for each motion or caption.
+Rows = Int[np.ndarray, " pairs"]  # Numbers of rows of features.
+
 
 def mpjpe(
     predicted: Float[Any, "*batch frames joints 3"],
@@ -128,9 +132,7 @@ def mpjpe(
     return 1000 * float(xp.mean(xp.sqrt(xp.sum((predicted - true) ** 2, axis=-1))))
 
 
-def joint_errors(
-    predicted: Float[np.ndarray, "frames joints 3"], true: Float[np.ndarray, "frames joints 3"]
-) -> Float[np.ndarray, " frames"]:
+def joint_errors(predicted: Joints, true: Joints) -> Float[np.ndarray, " frames"]:
     """Returns the mean error of each frame after the root is moved to the origin, in its unit."""
     apart = (predicted - predicted[:, :1]) - (true - true[:, :1])
     return np.linalg.norm(apart, axis=-1).mean(axis=-1)
@@ -155,9 +157,7 @@ def _centered(joints: Float[np.ndarray, "*frames joints 3"]) -> Float[np.ndarray
     return joints - joints.mean(axis=-2, keepdims=True)
 
 
-def acceleration_errors(
-    predicted: Float[np.ndarray, "frames joints 3"], true: Float[np.ndarray, "frames joints 3"]
-) -> Float[np.ndarray, " inner"]:
+def acceleration_errors(predicted: Joints, true: Joints) -> Float[np.ndarray, " inner"]:
     """Returns the mean joint error of each frame but two, in the unit of the joints."""
     apart = np.asarray(predicted, np.float64) - np.asarray(true, np.float64)
     return np.linalg.norm(np.diff(apart, n=2, axis=0), axis=-1).mean(axis=-1)
@@ -166,7 +166,7 @@ def acceleration_errors(
 Parts = Mapping[str, Float[np.ndarray, "frames points axes"]]
 
 
-def parts_of(joints: Float[np.ndarray, "frames joints 3"], skeleton: Skeleton) -> Parts:
+def parts_of(joints: Joints, skeleton: Skeleton) -> Parts:
     """Returns what of a motion is compared, by name."""
     joints = np.asarray(joints, np.float64)
     root = joints[:, :1]
@@ -206,12 +206,12 @@ class TrainingClips:
         stride: Frames between the offsets that are tried; a divisor of 8.
     """
 
-    def __init__(self, clips: Sequence[Float[np.ndarray, "_ joints 3"]], stride: int = 4) -> None:
+    def __init__(self, clips: Sequence[Joints], stride: int = 4) -> None:
         self._clips = [np.asarray(clip, np.float32) for clip in clips]
         self._means = [_segment_means(clip, stride) for clip in self._clips]
         self._stride = stride
 
-    def distance(self, motion: Float[np.ndarray, "frames joints 3"]) -> float:
+    def distance(self, motion: Joints) -> float:
         """Returns the smallest mean joint distance to any stretch of any clip, meters.
 
         Args:
@@ -243,16 +243,12 @@ class TrainingClips:
         return best
 
 
-def _by_length(
-    clip: Float[np.ndarray, "_ joints 3"], motion: Float[np.ndarray, "frames joints 3"]
-) -> tuple[Float[np.ndarray, "_ joints 3"], Float[np.ndarray, "_ joints 3"]]:
+def _by_length(clip: Joints, motion: Joints) -> tuple[Joints, Joints]:
     """Returns the longer and the shorter; the clip is the longer of two equal ones."""
     return (clip, motion) if len(clip) >= len(motion) else (motion, clip)
 
 
-def _segment_means(
-    joints: Float[np.ndarray, "frames joints 3"], stride: int
-) -> Float[np.ndarray, "starts joints 3"]:
+def _segment_means(joints: Joints, stride: int) -> Joints:
     """Returns the mean pose of every segment that starts at a multiple of `stride`."""
     if len(joints) < _SEGMENT:
         return joints[:0]
@@ -269,7 +265,7 @@ class Gaussian:
     covariance: Float[np.ndarray, "width width"]  # Unbiased covariance.
 
     @classmethod
-    def of(cls, features: Float[np.ndarray, "items width"], float32_mean: bool = False) -> Gaussian:
+    def of(cls, features: Features, float32_mean: bool = False) -> Gaussian:
         """Measures a set of features.
 
         Args:
@@ -296,9 +292,7 @@ def frechet_distance(first: Gaussian, second: Gaussian) -> float:
     return max(0.0, float(apart @ apart + spread - 2 * overlap))
 
 
-def fid(
-    generated: Float[np.ndarray, "items width"], real: Float[np.ndarray, "others width"]
-) -> float:
+def fid(generated: Features, real: Features) -> float:
     """Returns the FID of two sets of features."""
     return frechet_distance(Gaussian.of(generated), Gaussian.of(real))
 
@@ -309,8 +303,8 @@ def _root(covariance: Float[np.ndarray, "width width"]) -> Float[np.ndarray, "wi
 
 
 def kid(
-    generated: Float[np.ndarray, "items width"],
-    real: Float[np.ndarray, "others width"],
+    generated: Features,
+    real: Features,
     paired: bool = False,
 ) -> float:
     """Returns the unbiased estimate from all pairs.
@@ -332,8 +326,8 @@ def kid(
 
 
 def drawn_kid(
-    generated: Float[np.ndarray, "items width"],
-    real: Float[np.ndarray, "others width"],
+    generated: Features,
+    real: Features,
     subsets: int,
     size: int,
     generator: np.random.Generator,
@@ -349,13 +343,13 @@ def drawn_kid(
     """
     size = min(size, len(generated), len(real))
 
-    def part(features: Float[np.ndarray, "_ width"]) -> Float[np.ndarray, "_ width"]:
+    def part(features: Features) -> Features:
         return features[generator.permutation(len(features))[:size]]
 
     return float(np.mean([kid(part(generated), part(real)) for _ in range(subsets)]))
 
 
-def _within(features: Float[np.ndarray, "items width"]) -> float:
+def _within(features: Features) -> float:
     return _off_diagonal(_kernel(features, features))
 
 
@@ -363,15 +357,11 @@ def _off_diagonal(kernel: Float[np.ndarray, "items items"]) -> float:
     return float(kernel.sum() - np.trace(kernel)) / (len(kernel) * (len(kernel) - 1))
 
 
-def _kernel(
-    x: Float[np.ndarray, "items width"], y: Float[np.ndarray, "others width"]
-) -> Float[np.ndarray, "items others"]:
+def _kernel(x: Features, y: Features) -> Float[np.ndarray, "items others"]:
     return (x @ y.T / x.shape[1] + 1) ** 3
 
 
-def distances(
-    rows: Float[np.ndarray, "rows width"], columns: Float[np.ndarray, "columns width"]
-) -> Float[np.ndarray, "rows columns"]:
+def distances(rows: Features, columns: Features) -> Float[np.ndarray, "rows columns"]:
     """Returns the Euclidean distance of each row to each column, in float64.
 
     By |a − b|² = |a|² − 2 a·b + |b|²; what rounding makes negative is zero.
@@ -384,9 +374,7 @@ def distances(
 BEST = (1, 2, 3)  # The k that papers report.
 
 
-def ranks(
-    texts: Float[np.ndarray, "group width"], motions: Float[np.ndarray, "group width"]
-) -> Int[np.ndarray, " group"]:
+def ranks(texts: Features, motions: Features) -> Int[np.ndarray, " group"]:
     """Returns the place, from 0, of each caption's own motion among all motions of a group."""
     apart = distances(texts, motions)
     return (apart < np.diagonal(apart)[:, None]).sum(axis=1)
@@ -402,9 +390,7 @@ def r_precision(places: Int[np.ndarray, " captions"], best: Sequence[int] = BEST
     return [float((places < k).mean()) for k in best]
 
 
-def mm_dist(
-    texts: Float[np.ndarray, "items width"], motions: Float[np.ndarray, "items width"]
-) -> float:
+def mm_dist(texts: Features, motions: Features) -> float:
     """Returns the mean distance of the pairs, row by row."""
     apart = np.asarray(texts, np.float64) - np.asarray(motions, np.float64)
     return float(np.linalg.norm(apart, axis=1).mean())
@@ -418,7 +404,7 @@ def accuracy(logits: Float[np.ndarray, "items labels"], labels: Int[np.ndarray, 
 _ROWS = 1024
 
 
-def diversity(features: Float[np.ndarray, "items width"]) -> float:
+def diversity(features: Features) -> float:
     """Returns the mean distance over all pairs of different items; 0 for a single one."""
     items = len(features)
     starts = range(0, items, _ROWS)
@@ -427,9 +413,9 @@ def diversity(features: Float[np.ndarray, "items width"]) -> float:
 
 
 def drawn_diversity(
-    features: Float[np.ndarray, "items width"],
-    first: Int[np.ndarray, " pairs"],
-    second: Int[np.ndarray, " pairs"],
+    features: Features,
+    first: Rows,
+    second: Rows,
 ) -> float:
     """Returns the mean distance of the given pairs.
 
@@ -441,7 +427,7 @@ def drawn_diversity(
     return float(np.linalg.norm(features[first] - features[second], axis=1).mean())
 
 
-def multimodality(groups: Sequence[Float[np.ndarray, "_ width"]]) -> float:
+def multimodality(groups: Sequence[Features]) -> float:
     """Returns the mean distance over all pairs of a group, averaged over the groups.
 
     Args:
@@ -452,8 +438,8 @@ def multimodality(groups: Sequence[Float[np.ndarray, "_ width"]]) -> float:
 
 def shared_pairs_multimodality(
     groups: Float[np.ndarray, "captions samples width"],
-    first: Int[np.ndarray, " pairs"],
-    second: Int[np.ndarray, " pairs"],
+    first: Rows,
+    second: Rows,
 ) -> float:
     """Returns the mean distance of the same pairs of samples of every caption.
 
@@ -467,7 +453,7 @@ def shared_pairs_multimodality(
 
 def label_pairs(
     labels: Int[np.ndarray, " items"], quota: int, draw: Callable[[int], int]
-) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
+) -> tuple[Rows, Rows]:
     """Draws pairs of the same label as the authors do; `drawn_diversity` of them is theirs.
 
     An item is drawn, and another if its label has all its pairs; then second items are drawn until

@@ -36,6 +36,12 @@ from latentmotion.networks import transformer
 FRAMES = 4  # Frames of a movement.
 
 
+# A batch of normalized features and of words, what of them is real, and what becomes of them.
+Frames, FrameMask = Float[Tensor, "batch frames features"], Bool[Tensor, "batch frames"]
+Words, WordMask = Float[Tensor, "batch words word_width"], Bool[Tensor, "batch words"]
+PartsOfSpeech, Vectors = Int[Tensor, "batch words"], Float[Tensor, "batch width"]
+
+
 @dataclass(frozen=True)
 class TextMotionConfig:
     """Sizes; the defaults are the official ones for HumanML3D."""
@@ -69,9 +75,7 @@ class MovementEncoder(nn.Module):
         )
         self.out_net = nn.Linear(width, width)
 
-    def forward(
-        self, features: Float[Tensor, "batch frames features"]
-    ) -> Float[Tensor, "batch movements width"]:
+    def forward(self, features: Frames) -> Float[Tensor, "batch movements width"]:
         """Returns a movement for every four frames."""
         return self.out_net(self.main(features.transpose(1, 2)).transpose(1, 2))
 
@@ -93,7 +97,7 @@ class SequenceEncoder(nn.Module):
 
     def forward(
         self, inputs: Float[Tensor, "batch steps inputs"], lengths: Int[Tensor, " batch"]
-    ) -> Float[Tensor, "batch width"]:
+    ) -> Vectors:
         """Returns one vector for the first `lengths` steps of each row."""
         packed = pack_padded_sequence(
             self.input_emb(inputs), lengths.cpu(), batch_first=True, enforce_sorted=False
@@ -111,10 +115,10 @@ class SentenceEncoder(SequenceEncoder):
 
     def read(
         self,
-        words: Float[Tensor, "batch words word_width"],
-        parts: Int[Tensor, "batch words"],
+        words: Words,
+        parts: PartsOfSpeech,
         lengths: Int[Tensor, " batch"],
-    ) -> Float[Tensor, "batch width"]:
+    ) -> Vectors:
         """Returns one vector for each sentence."""
         classes = nn.functional.one_hot(parts, len(PARTS_OF_SPEECH)).to(words.dtype)
         return self(words + self.pos_emb(classes), lengths)
@@ -136,9 +140,7 @@ class TextMotionNetworks(nn.Module):
         self.motion_encoder = SequenceEncoder(movement, hidden, hidden, width)
         self.text_encoder = SentenceEncoder(config.word_width, config.text_hidden, width)
 
-    def motions(
-        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
-    ) -> Float[Tensor, "batch width"]:
+    def motions(self, features: Frames, mask: FrameMask) -> Vectors:
         """Returns the vectors of normalized motions.
 
         As in the authors' code the movement before the padding sees a little of it: pass motions
@@ -149,10 +151,10 @@ class TextMotionNetworks(nn.Module):
 
     def texts(
         self,
-        words: Float[Tensor, "batch words word_width"],
-        parts: Int[Tensor, "batch words"],
-        mask: Bool[Tensor, "batch words"],
-    ) -> Float[Tensor, "batch width"]:
+        words: Words,
+        parts: PartsOfSpeech,
+        mask: WordMask,
+    ) -> Vectors:
         """Returns the vectors of sentences."""
         return self.text_encoder.read(words, parts, mask.sum(1))
 
@@ -253,9 +255,7 @@ class TowerNetworks(nn.Module):
         self.text_tower = Tower(config, config.text_layers)
         self.apply(transformer.initialize)
 
-    def motions(
-        self, features: Float[Tensor, "batch frames features"], mask: Bool[Tensor, "batch frames"]
-    ) -> Float[Tensor, "batch width"]:
+    def motions(self, features: Frames, mask: FrameMask) -> Vectors:
         """Returns the vectors of normalized motions; frames whose mask is False are zero."""
         first, last = self.config.rotations
         end = self.config.features - self.config.left_out
@@ -268,10 +268,10 @@ class TowerNetworks(nn.Module):
 
     def texts(
         self,
-        words: Float[Tensor, "batch words word_width"],
-        parts: Int[Tensor, "batch words"],
-        mask: Bool[Tensor, "batch words"],
-    ) -> Float[Tensor, "batch width"]:
+        words: Words,
+        parts: PartsOfSpeech,
+        mask: WordMask,
+    ) -> Vectors:
         """Returns the vectors of sentences; parts of speech are not read."""
         return self.text_tower(self.words_in(words), mask)
 
@@ -297,7 +297,7 @@ class Tower(nn.Module):
 
     def forward(
         self, x: Float[Tensor, "batch tokens hidden"], mask: Bool[Tensor, "batch tokens"]
-    ) -> Float[Tensor, "batch width"]:
+    ) -> Vectors:
         """Returns the vectors of the tokens whose mask is True."""
         x = self.layers(self.position(x), mask)
         real = mask[..., None].to(x.dtype)

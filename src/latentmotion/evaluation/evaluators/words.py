@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -111,25 +110,6 @@ class Sentences:
     mask: Bool[np.ndarray, "batch words"]  # True on real words.
 
 
-@runtime_checkable
-class WordVectors(Protocol):
-    """Captions to the vectors of their words."""
-
-    @property
-    def name(self) -> str:
-        """Name that distinguishes these vectors from others."""
-        ...
-
-    @property
-    def width(self) -> int:
-        """Numbers per vector."""
-        ...
-
-    def __call__(self, captions: Sequence[Caption]) -> Sentences:
-        """Returns the words of at least one caption."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class GloveWords:
     """A table of word vectors, as in the T2M evaluator, with `unk`, `sos` and `eos`."""
@@ -180,6 +160,9 @@ class EncodedWords(AroundEncoder):
         rows = [words[mask] for words, mask in zip(encoded.words, encoded.mask, strict=True)]
         other = PARTS_OF_SPEECH.index(OTHER)
         return fill(rows, [np.full(len(row), other) for row in rows])
+
+
+WordVectors = GloveWords | EncodedWords  # Captions to the vectors of their words.
 
 
 def fill(
