@@ -102,21 +102,16 @@ class Budget:
         return smaller
 
 
-def _budget(name: str, row: dict[str, Any]) -> Budget:
-    layers = {int(layers): fewer for layers, fewer in row.pop("layers", {}).items()}
-    adjusted = {
-        part: {key: from_json(Adjustment, each) for key, each in row.pop(part, {}).items()}
+BUDGETS: dict[str, Budget] = {}
+for _name, _row in tomllib.loads(
+    Path(__file__).with_name("budgets.toml").read_text(encoding="utf-8")
+).items():
+    _adjusted = {
+        part: {key: from_json(Adjustment, each) for key, each in _row.pop(part, {}).items()}
         for part in ("of_tables", "of_models")
     }
-    return replace(from_json(Budget, {"name": name, **row}), layers=layers, **adjusted)
-
-
-BUDGETS = {
-    name: _budget(name, row)
-    for name, row in tomllib.loads(
-        Path(__file__).with_name("budgets.toml").read_text(encoding="utf-8")
-    ).items()
-}
+    _adjusted["layers"] = {int(n): fewer for n, fewer in _row.pop("layers", {}).items()}
+    BUDGETS[_name] = replace(from_json(Budget, {"name": _name, **_row}), **_adjusted)
 PAPER, SMALL = BUDGETS["paper"], BUDGETS["small"]
 
 

@@ -401,13 +401,29 @@ def join_runs(table: Table, folders: Sequence[Path], output: Path) -> Path:
     pages = []
     for number, evaluator in enumerate(evaluators, start=1):
         theirs = [run for run in results if run.rows[0].made["evaluator"] == evaluator]
+        joined = []
+        for row in table.rows:
+            rows = [each for run in theirs for each in run.rows if each.row == row.name]
+            if not rows:
+                continue
+            both = joined_row(rows)
+            budgets = {_without_seed(each.made["budget"]) for each in rows}
+            if len(budgets) > 1 and len({each.weights for each in rows}) > 1:
+                raise InputError(
+                    f"{table.name}/{row.name} was trained in {len(budgets)} ways: "
+                    f"{' / '.join(sorted(budgets))}; join runs of one"
+                )
+            if says not in budgets and row.motions != "real":
+                changed = max(budgets).partition("changed: ")[2]
+                both = replace(both, warnings=(*both.warnings, f"trained with {changed}"))
+            joined.append(both)
         name = table.name if number == 1 else f"{table.name}_{number}"
-        pages.append(replace(theirs[0], table=name, rows=_joined_rows(table, theirs, says)))
+        pages.append(replace(theirs[0], table=name, rows=tuple(joined)))
     output.mkdir(parents=True, exist_ok=True)
-    for number, joined in enumerate(pages, start=1):
+    for number, result in enumerate(pages, start=1):
         titled = replace(table, title=f"{table.title}, by evaluator {number}", expects="")
-        page = output / f"{joined.table}.md"
-        write_page(page, titled if number > 1 else table, joined, says)
+        page = output / f"{result.table}.md"
+        write_page(page, titled if number > 1 else table, result, says)
     return output / f"{table.name}.md"
 
 
@@ -440,28 +456,6 @@ def interval(values: Sequence[float]) -> float | None:
     if len(values) < 2:
         return None
     return float(t.ppf(0.975, len(values) - 1)) * stdev(values) / sqrt(len(values))
-
-
-def _joined_rows(table: Table, results: Sequence[TableResult], says: str) -> tuple[RowResult, ...]:
-    measured = [row for result in results for row in result.rows]
-    kinds = {row.name: row.motions for row in table.rows}
-    named = [
-        [measured_row for measured_row in measured if measured_row.row == name] for name in kinds
-    ]
-    joined = []
-    for rows in filter(None, named):
-        row = joined_row(rows)
-        budgets = {_without_seed(measured_row.made["budget"]) for measured_row in rows}
-        if len(budgets) > 1 and len({measured_row.weights for measured_row in rows}) > 1:
-            raise InputError(
-                f"{table.name}/{row.row} was trained in {len(budgets)} ways: "
-                f"{' / '.join(sorted(budgets))}; join runs of one"
-            )
-        if says not in budgets and kinds[row.row] != "real":
-            changed = max(budgets).partition("changed: ")[2]
-            row = replace(row, warnings=(*row.warnings, f"trained with {changed}"))
-        joined.append(row)
-    return tuple(joined)
 
 
 def _without_seed(says: str) -> str:

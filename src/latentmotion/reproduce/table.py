@@ -65,17 +65,13 @@ class Table:
     expects: str = ""  # The paper's conclusion from it.
 
 
-def _tables() -> dict[str, Table]:
-    tables = json.loads(Path(__file__).with_name("tables.json").read_text(encoding="utf-8"))
-    for table in tables:
-        names = table.pop("paper", ())
-        for row in table["rows"]:
-            figures = zip(names, row.get("paper", ()), strict="paper" in row)
-            row["paper"] = {name: value for name, value in figures if value != ""}
-    return {table.name: table for table in (from_json(Table, each) for each in tables)}
-
-
-TABLES = _tables()  # Every table and figure by name, in the paper's order.
+TABLES: dict[str, Table] = {}  # Every table and figure by name, in the paper's order.
+for _table in json.loads(Path(__file__).with_name("tables.json").read_text(encoding="utf-8")):
+    _metrics = _table.pop("paper", ())
+    for _row in _table["rows"]:
+        _figures = zip(_metrics, _row.get("paper", ()), strict="paper" in _row)
+        _row["paper"] = {name: value for name, value in _figures if value != ""}
+    TABLES[_table["name"]] = from_json(Table, _table)
 
 
 def table_named(name: str) -> Table:
