@@ -148,8 +148,7 @@ def test_journal_drops_lines_that_a_kill_undid(
 ) -> None:
     journal = Journal(tmp_path, 10)
     for step in (2, 4, 6):
-        journal.write(step, "train", {"total": 1 / step})
-    journal.show(6, "train", {"total": 0.5}, 60.0)
+        journal.write(step, "train", {"total": 3 / step}, 60.0)
     journal.close()
     with (tmp_path / "journal.jsonl").open("a") as file:
         file.write('{"step": 8, "ki')

@@ -312,8 +312,7 @@ class Reporter(Generic[Network]):
             )
         if self._journal:
             pace = (time.perf_counter() - self._start) / (step - self._done)
-            self._journal.write(step, kind, figures)
-            self._journal.show(step, kind, figures, pace)
+            self._journal.write(step, kind, figures, pace)
 
 
 def kept_weights(folder: Path, percent: int) -> Path:

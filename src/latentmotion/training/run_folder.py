@@ -240,14 +240,21 @@ class Journal:
         self._board.close()
         self._notify(lambda logger: logger.close())
 
-    def write(self, step: int, kind: str, figures: Mapping[str, float]) -> None:
-        """Appends figures (losses, rates, millimeters) of `kind` "train" or "validation"."""
+    def write(self, step: int, kind: str, figures: Mapping[str, float], pace: float = 0.0) -> None:
+        """Appends figures (losses, rates, millimeters) of `kind` "train" or "validation".
+
+        They are also printed, with the time left, from the pace in seconds a step.
+        """
         rounded = {name: float(f"{value:.6g}") for name, value in figures.items()}
         self._file.write(json.dumps({"step": step, "kind": kind, **rounded}) + "\n")
         self._file.flush()
         for name, value in rounded.items():
             self._board.add_scalar(f"{kind}/{name}", value, step)
         self._notify(lambda logger: logger.write(step, kind, rounded))
+        left = readable_time((self._steps - step) * pace)
+        values = "  ".join(f"{name} {value:.4g}" for name, value in figures.items())
+        line = f"{step}/{self._steps} {kind}  {values}  ({pace:.3f} s a step, {left} left)"
+        print(line, file=sys.stderr, flush=True)
 
     def _notify(self, what: Callable[[Any], object]) -> None:
         """Calls every logger; one that fails is left out from then on."""
@@ -257,13 +264,6 @@ class Journal:
             except Exception as error:  # of a package that is not ours
                 warn_of("latentmotion.loggers", name, error)
                 del self._loggers[name]
-
-    def show(self, step: int, kind: str, figures: Mapping[str, float], pace: float) -> None:
-        """Prints a line: step, figures and, from the pace in seconds a step, the time left."""
-        left = readable_time((self._steps - step) * pace)
-        values = "  ".join(f"{name} {value:.4g}" for name, value in figures.items())
-        line = f"{step}/{self._steps} {kind}  {values}  ({pace:.3f} s a step, {left} left)"
-        print(line, file=sys.stderr, flush=True)
 
 
 def readable_time(seconds: float) -> str:
