@@ -82,7 +82,23 @@ def splice(
     """
     fps, skeleton = representation.fps, representation.skeleton
     first, second = first.astype(np.float64), second.astype(np.float64)
-    second = _aligned(first, second, fps, skeleton)
+    # The second is turned and moved so that its first pose lies on the first's last one, its
+    # standing feet most of all.
+    goal, pose = first[-1], second[0]
+    weights = np.ones(len(skeleton))
+    for joint in (*skeleton.left_foot, *skeleton.right_foot):
+        ends = _boundary_step(first, -1)[joint], _boundary_step(second, 0)[joint]
+        low = max(goal[joint, 1], pose[joint, 1]) < _STANDING_HEIGHT
+        if low and max(np.linalg.norm(step) * fps for step in ends) < _STANDING_SPEED:
+            weights[joint] = _STANDING_WEIGHT
+    weights /= weights.sum()
+    centers = [weights @ joints for joints in (goal, pose)]
+    (ax, _, az), (bx, _, bz) = (
+        (joints - c).T for joints, c in zip((goal, pose), centers, strict=True)
+    )
+    angle = np.arctan2(weights @ (ax * bz - az * bx), weights @ (ax * bx + az * bz))
+    move = centers[0] - turn(centers[1], angle)
+    second = turn(second, angle) + move * np.array([1.0, 0.0, 1.0])
     offset = first[-1] - second[0]
     speed = _boundary_step(first, -1) - _boundary_step(second, 0)
     frames = min(round(seconds * fps), len(second) - 1)
@@ -91,7 +107,6 @@ def splice(
     from_offset = 1 - 10 * s**3 + 15 * s**4 - 6 * s**5
     from_speed = s - 6 * s**3 + 8 * s**4 - 3 * s**5
     fading = offset * from_offset + speed * frames * from_speed
-    second = second.copy()
     second[: len(fading)] += fading
     if fitted:
         second[: len(fading)] = representation.retarget(second[: len(fading)])
@@ -108,32 +123,6 @@ def seam_of(joints: Joints, seam: int, fps: float, skeleton: Skeleton, frames: i
     slide = float(steps[still].mean()) if still.any() else 0.0
     jerk = np.linalg.norm(np.diff(window, n=3, axis=0), axis=-1).max() * fps**3
     return Seam(slide, float(jerk), float(window[..., 1].min()))
-
-
-def _aligned(
-    first: Float[np.ndarray, "before joints 3"],
-    second: Float[np.ndarray, "after joints 3"],
-    fps: float,
-    skeleton: Skeleton,
-) -> Float[np.ndarray, "after joints 3"]:
-    """Turns and moves the second so that its first pose lies on the first's last one."""
-    goal, pose = first[-1], second[0]
-    weights = np.ones(len(skeleton))
-    for joint in (*skeleton.left_foot, *skeleton.right_foot):
-        speeds = [
-            np.linalg.norm(_boundary_step(m, n)[joint]) * fps for m, n in ((first, -1), (second, 0))
-        ]
-        low = max(goal[joint, 1], pose[joint, 1]) < _STANDING_HEIGHT
-        if low and max(speeds) < _STANDING_SPEED:
-            weights[joint] = _STANDING_WEIGHT
-    weights /= weights.sum()
-    centers = [weights @ joints for joints in (goal, pose)]
-    (ax, _, az), (bx, _, bz) = (
-        (joints - c).T for joints, c in zip((goal, pose), centers, strict=True)
-    )
-    angle = np.arctan2(weights @ (ax * bz - az * bx), weights @ (ax * bx + az * bz))
-    move = centers[0] - turn(centers[1], angle)
-    return turn(second, angle) + move * np.array([1.0, 0.0, 1.0])
 
 
 def _boundary_step(joints: Joints, frame: int) -> Float[np.ndarray, "joints 3"]:
