@@ -14,11 +14,10 @@ from functools import cached_property
 from itertools import chain, pairwise
 
 import numpy as np
-from jaxtyping import Float
 
 from latentmotion.arrays import unit
 from latentmotion.language.acts import lookups
-from latentmotion.language.claims import NO_CORRECTIONS, Claim, both_sides, data, kinds
+from latentmotion.language.claims import NO_CORRECTIONS, Claim, data, kinds
 from latentmotion.language.reading import asked_exactly, request_of
 from latentmotion.language.words import (
     at_once,
@@ -112,10 +111,6 @@ class Chooser(SentenceReader):
     def neighbors(self, sentence: str, count: int = MOST_CHOICES) -> list[Neighbor]:
         """Returns the captions nearest to a sentence, the nearest first."""
         return self.index.nearest(self._sides(sentence), count)
-
-    def _sides(self, sentence: str) -> Float[np.ndarray, "sides width"]:
-        """Returns the embedding of a sentence, and that of its mirror image if it differs."""
-        return self.text_encoder(both_sides(sentence)).pooled
 
     def read(self, sentence: str) -> Reading:
         """Returns a sentence as the model reads it; what is made in layers is not doubted."""

@@ -186,13 +186,59 @@ class SentenceReader:
         shown = whole.caption.support == SHOWN and whole.cosine >= NEAR_ENOUGH
         ordered = said if shown else told_in_order(said)
         parts = [] if shown else parts_of(ordered)
+        captions = [
+            None if number and refers_back(part) else self._caption(part)
+            for number, part in enumerate(parts)
+        ]
+        read_as = ", then ".join(
+            caption or part for caption, part in zip(captions, parts, strict=True)
+        )
         return Reading(
             ordered,
             said != corrected,
             tuple(corrections.items()),
             self.doubt(ordered),
-            in_words_of_captions(parts, self.index, self.text_encoder),
+            read_as if any(captions) else None,
         )
+
+    def _caption(self, sentence: str) -> str | None:
+        """Returns a movement in words that the denoiser learned; None where its own are near them.
+
+        What people say otherwise than captions do becomes the caption whose wording is nearest. Not
+        so where it claims something that can be measured, which the denoiser learned from sentences
+        of all kinds, and where it names a side that the caption does not.
+        """
+        if is_idle(tokens_of(sentence)):
+            return None
+        near = self.index.nearest_by_wording(self._sides(sentence))
+        if near is None:
+            return None
+        same = near.caption.support <= SHOWN and near.cosine >= SAME_WORDING
+        if request_of(sentence).claims and not same:
+            return None
+        common = near.caption.support > OFTEN
+        if near.cosine < (NEAR_WORDING_OF_COMMON if common else NEAR_WORDING):
+            return None
+        literal = max(
+            (self.index.nearest(self._sides(text), 1)[0] for text in lookups(sentence)),
+            key=lambda neighbor: neighbor.cosine,
+        )
+        if literal.cosine >= (near.cosine if same else min(NEAR_CAPTION, near.cosine)):
+            return None
+        # A clip was shown for this movement, so it is meant, however well others fit; one that was
+        # drawn has short sentences, which are less near than wordings, and shows the movement where
+        # the wording's caption is too common for a start from its clip.
+        drawn = ABOUT if near.caption.support <= RARE else NEARER
+        farther = {SHOWN: 1.0, DRAWN: drawn}.get(literal.caption.support, 0.0)
+        if not same and literal.is_near and near.cosine <= literal.cosine + farther:
+            return None
+        caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
+        named = named_sides(sentence)
+        return None if named and named != named_sides(caption) else caption
+
+    def _sides(self, sentence: str) -> Float[np.ndarray, "sides width"]:
+        """Returns the embedding of a sentence, and that of its mirror image if it differs."""
+        return self.text_encoder(both_sides(sentence)).pooled
 
     def corrected(self, sentence: str) -> tuple[str, dict[str, str]]:
         """Returns a sentence with misspelled words corrected, and the corrections.
@@ -316,62 +362,6 @@ def _edits(word: str) -> Iterator[str]:
 def _outside_kinds() -> Mapping[str, str]:
     kinds = tomllib.loads(Path(__file__).with_name("outside.toml").read_text(encoding="utf-8"))
     return {word: kind["says"] for kind in kinds["kind"] for word in kind["words"]}
-
-
-def in_words_of_captions(
-    movements: Sequence[str], index: ClipIndex, text_encoder: TextEncoder
-) -> str | None:
-    """Returns a sentence in words that the denoiser learned; None where its own are near them.
-
-    Each movement that people say otherwise than captions do becomes the caption whose wording is
-    nearest. Not so where the sentence claims something that can be measured, which the denoiser
-    learned from sentences of all kinds, and where it names a side that the caption does not.
-
-    Args:
-        movements: The parts of a sentence that follow each other.
-        index: With wordings.
-        text_encoder: The encoder of the index.
-    """
-    captions = [
-        None if number and refers_back(movement) else _caption(movement, index, text_encoder)
-        for number, movement in enumerate(movements)
-    ]
-    if not any(captions):
-        return None
-    return ", then ".join(
-        caption or movement for caption, movement in zip(captions, movements, strict=True)
-    )
-
-
-def _caption(sentence: str, index: ClipIndex, text_encoder: TextEncoder) -> str | None:
-    if is_idle(tokens_of(sentence)):
-        return None
-    sides = text_encoder(both_sides(sentence)).pooled
-    near = index.nearest_by_wording(sides)
-    if near is None:
-        return None
-    same = near.caption.support <= SHOWN and near.cosine >= SAME_WORDING
-    if request_of(sentence).claims and not same:
-        return None
-    common = near.caption.support > OFTEN
-    if near.cosine < (NEAR_WORDING_OF_COMMON if common else NEAR_WORDING):
-        return None
-    literal = max(
-        (index.nearest(text_encoder(both_sides(text)).pooled, 1)[0] for text in lookups(sentence)),
-        key=lambda neighbor: neighbor.cosine,
-    )
-    if literal.cosine >= (near.cosine if same else min(NEAR_CAPTION, near.cosine)):
-        return None
-    # A clip was shown for this movement, so it is meant, however well others fit; one that was
-    # drawn has short sentences, which are less near than wordings, and shows the movement where
-    # the wording's caption is too common for a start from its clip.
-    drawn = ABOUT if near.caption.support <= RARE else NEARER
-    farther = {SHOWN: 1.0, DRAWN: drawn}.get(literal.caption.support, 0.0)
-    if not same and literal.is_near and near.cosine <= literal.cosine + farther:
-        return None
-    caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
-    named = named_sides(sentence)
-    return None if named and named != named_sides(caption) else caption
 
 
 def _fit(

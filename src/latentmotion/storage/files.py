@@ -56,7 +56,8 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
         mode = temporary.stat().st_mode
         temporary.unlink()
         yield temporary
-        _permit(temporary, mode)
+        with suppress(OSError):  # not every file system knows permissions
+            temporary.chmod(mode)
         durable = is_durable(target)
         if durable:
             sync(temporary)
@@ -96,7 +97,8 @@ def atomic_folder(path: str | Path, marker: str) -> Iterator[Path]:
         yield temporary
         for file in temporary.rglob("*"):
             if file.is_file() and not file.is_symlink():
-                _permit(file, temporary.stat().st_mode & 0o666)
+                with suppress(OSError):  # not every file system knows permissions
+                    file.chmod(temporary.stat().st_mode & 0o666)
         durable = is_durable(target)
         if durable:
             for entry in (*temporary.rglob("*"), temporary):
@@ -243,11 +245,6 @@ def _put_back(aside: Path, target: Path) -> None:
 def _unwritable(target: Path, error: Exception) -> InputError:
     kind = DiskFullError if is_disk_full(error) else InputError
     return kind(f"cannot write {target}: {getattr(error, 'strerror', None) or error}")
-
-
-def _permit(path: Path, mode: int) -> None:
-    with suppress(OSError):  # not every file system knows permissions
-        path.chmod(mode)
 
 
 def _temporary_name(target: Path) -> Path:
