@@ -116,6 +116,8 @@ def create_app(
         service.metrics.dropped.inc()
         return Response(status_code=499)
 
+    handlers = dict.fromkeys((HTTPException, LatentMotionError, OSError), problems.on_error)
+    handlers |= {RequestValidationError: problems.on_fields, ClientGoneError: on_gone}
     app = FastAPI(
         title="Latent Motion",
         version=__version__,
@@ -124,13 +126,9 @@ def create_app(
         docs_url=None,
         redoc_url=None,
         responses=_PROBLEMS,
+        exception_handlers={**handlers, Exception: problems.on_failure},
     )
     app.state.service = service
-    for kind in (HTTPException, LatentMotionError, OSError):
-        app.add_exception_handler(kind, problems.on_error)
-    app.add_exception_handler(RequestValidationError, problems.on_fields)
-    app.add_exception_handler(ClientGoneError, on_gone)
-    app.add_exception_handler(Exception, problems.on_failure)
     for routes in (_health, _motions, uploads.routes, streams.routes):
         app.include_router(routes(service))
     app.include_router(job_routes(service, jobs))

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import Response, StreamingResponse
@@ -137,10 +137,11 @@ async def _answer(
 
 def pieces(path: Path) -> Iterator[bytes]:
     """Returns the content of a file, which may be deleted before all of it is read."""
-    return _pieces(path.open("rb"))
+    file = path.open("rb")  # now, not when the first piece is asked for
 
+    def read() -> Iterator[bytes]:
+        with file:
+            while piece := file.read(1 << 16):
+                yield piece
 
-def _pieces(file: BinaryIO) -> Iterator[bytes]:
-    with file:
-        while piece := file.read(1 << 16):
-            yield piece
+    return read()
