@@ -20,7 +20,7 @@ from latentmotion.export.onnx import Weights
 from latentmotion.export.package import export_pretrained, with_decoder
 from latentmotion.export.web import export_web
 from latentmotion.model import card as cards
-from latentmotion.model.card import GraphPrecision, ModelCard, find_model
+from latentmotion.model.card import GraphPrecision, find_model
 from latentmotion.networks.backend import find_encoder, text_encoder_named
 from latentmotion.networks.checkpoint import load_stages, save_model
 from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder
@@ -84,40 +84,33 @@ class Export:
         card = replace(cards.read_card(source), name=name, precision=self.precision)
         if self.license:
             card = replace(card, provenance=replace(card.provenance, license=self.license))
-        text_files = self._text_files(card, source)
-        package.package_model(
-            source, card, text_files, output, self.share_encoder, self.weights or "float16"
-        )
-
-    def _text_files(self, card: ModelCard, source: Path) -> package.WriteTextEncoder | None:
-        """Returns a function that writes text encoder and length model, if the model reads text."""
-        for name, value in {"text-encoder": self.text_encoder, "length": self.length}.items():
-            if value and not card.condition.reads_text:
-                raise InputError(f"a model of task {card.task} reads no sentences; omit --{name}")
-        if not card.condition.reads_text:
-            return None
-        folder = cards.text_encoder_folder(card, source)
-        if self.text_encoder is not None and self.text_encoder.partition(":")[0] not in KINDS:
-            folder = find_model(self.text_encoder)
-        elif self.text_encoder is not None:
-            folder = None
+        reads, named = card.condition.reads_text, self.text_encoder
+        parts: list[package.WriteTextEncoder] = []
+        for option, value in {"text-encoder": named, "length": self.length}.items():
+            if value and not reads:
+                raise InputError(f"a model of task {card.task} reads no sentences; omit --{option}")
+        folder = cards.text_encoder_folder(card, source) if reads and named is None else None
+        if named is not None and named.partition(":")[0] not in KINDS:
+            folder = find_model(named)
         if folder is not None:
-            write_encoder = package.copied(folder)
-        else:
-            named = self.text_encoder
+            parts.append(package.copied(folder))
+        elif reads:
             encoder = text_encoder_named(named) if named else find_encoder(card, source)
             if not isinstance(encoder, PretrainedTextEncoder):
                 raise InputError(f"the text encoder {encoder.name} cannot be exported")
-            write_encoder = partial(export_pretrained, encoder)
-        if self.length is None:
-            return write_encoder
-        lengths = LengthModel.read(self.length, card.condition.text_encoder)
+            parts.append(partial(export_pretrained, encoder))
+        if self.length is not None:
+            lengths = LengthModel.read(self.length, card.condition.text_encoder)
+            parts.append(lambda target: lengths.write(target / cards.LENGTHS_FILE))
 
-        def write(target: Path) -> None:
-            write_encoder(target)
-            lengths.write(target / cards.LENGTHS_FILE)
+        def write_text(target: Path) -> None:
+            for write in parts:
+                write(target)
 
-        return write
+        package.package_model(
+            *(source, card, write_text if reads else None, output),
+            *(self.share_encoder, self.weights or "float16"),
+        )
 
 
 @dataclass(frozen=True)
