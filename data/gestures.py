@@ -279,7 +279,11 @@ def _step(
     else:
         now = _unit(body.joints[:, ankle] - body.joints[:, knee])
         share = np.clip((body.joints[:, ankle, 1:2] - rest[:, 1:2]) / LIFTED, 0, 1)
-        aimed = foot * (1 - share) + _carried(foot, shank, now) * share
+        # The foot turned by the smallest turn from the shank as it was to the shank now.
+        axis, cosine = np.cross(shank, now), (shank * now).sum(1, keepdims=True)
+        along = axis * (axis * foot).sum(1, keepdims=True) / np.maximum(1 + cosine, 1e-6)
+        carried = foot * cosine + np.cross(axis, foot) + along
+        aimed = foot * (1 - share) + carried * share
     length = np.linalg.norm(foot, axis=1, keepdims=True)
     body.joints[:, toe] = body.joints[:, ankle] + _unit(aimed) * length
 
@@ -350,13 +354,6 @@ def _turn(
         + np.cross(k, about) * np.sin(angle)
         + along * (1 - np.cos(angle))
     )
-
-
-def _carried(vectors: Points, before: Points, after: Points) -> Points:
-    """Returns vectors turned by the smallest turn from one direction to another."""
-    axis, cosine = np.cross(before, after), (before * after).sum(1, keepdims=True)
-    along = axis * (axis * vectors).sum(1, keepdims=True) / np.maximum(1 + cosine, 1e-6)
-    return vectors * cosine + np.cross(axis, vectors) + along
 
 
 def _reach(joints: np.ndarray, limb: list[int], end: Points, pole: Points) -> None:

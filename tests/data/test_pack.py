@@ -220,7 +220,7 @@ def assembled(path: Path, header: bytes, announced: int, blocks: bytes) -> Path:
         (lambda h: h["manifest"]["clips"][0].update(frames=10**6), "announced"),
         (lambda h: h["manifest"]["clips"][0].update(frames=1), "announced"),
         (lambda h: h["manifest"]["clips"][0].update(frames=1.5), "expected int"),
-        (lambda h: h["manifest"]["normalizer"].update(std=[1.0]), "not of 263 numbers"),
+        (lambda h: h["manifest"]["normalizer"].update(std=[1.0]), "expected 263"),
         (lambda h: h["manifest"]["normalizer"].update(std=[0.0] * 263), "std"),
         (lambda h: h["manifest"]["normalizer"].update(mean=[0.0] * 5), "263 numbers"),
     ],

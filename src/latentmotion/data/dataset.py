@@ -59,17 +59,8 @@ class Dataset:
     @cached_property
     def normalizer(self) -> Normalizer:
         """Mean and standard deviation of its features."""
-        stored = self.manifest.normalizer
-        with np.errstate(over="ignore"):
-            mean, std = (np.array(values, np.float32) for values in (stored.mean, stored.std))
-        width = self.representation.width
-        if mean.shape != (width,) or std.shape != (width,):
-            raise DataError(
-                f"{self.folder}: a normalizer of {len(mean)} and {len(std)} numbers, expected "
-                f"{width}; prepare the folder again"
-            )
         try:
-            return Normalizer(mean, std)
+            return self.manifest.normalizer.opened(self.representation.width)
         except InputError as error:
             raise DataError(f"{self.folder}: {error}; prepare the folder again") from error
 

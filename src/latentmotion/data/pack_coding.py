@@ -30,6 +30,10 @@ from latentmotion.representation.humanml3d import HumanML3DRepresentation
 
 Clips = Sequence[Float[np.ndarray, "_ features"]]
 
+Counts = Int[np.ndarray, " clips"]  # Frames of each clip.
+Numbers = Int[np.ndarray, "rows n"]
+Vectors = Float[np.ndarray, "*batch 3"]
+
 _CONTACTS = 4
 
 # Fraction of its last rotation that a bone repeats; fewest bytes on CMU's and HDM05's clips.
@@ -52,7 +56,7 @@ class BoneCoder:
         self,
         joints: Float[np.ndarray, "rows joints 3"],
         root: Float[np.ndarray, "rows 3"],
-        frames: Int[np.ndarray, " clips"],
+        frames: Counts,
     ) -> Int[np.ndarray, "rows bones 2"]:
         """Returns the numbers of each bone.
 
@@ -86,7 +90,7 @@ class BoneCoder:
         self,
         numbers: Int[np.ndarray, "rows bones 2"],
         root: Float[np.ndarray, "rows 3"],
-        frames: Int[np.ndarray, " clips"],
+        frames: Counts,
     ) -> Float[np.ndarray, "rows joints 3"]:
         """Returns the global positions that `encode` was given, to half a quantum per bone."""
         angles = numbers * (self.quantum / self.lengths[:, None])
@@ -170,7 +174,7 @@ class MotionCoder:
         return BoneCoder(self.representation.skeleton, self.quantum)
 
     def _features(
-        self, numbers: Int[np.ndarray, "rows columns"], frames: Int[np.ndarray, " clips"]
+        self, numbers: Int[np.ndarray, "rows columns"], frames: Counts
     ) -> list[Float[np.ndarray, "_ features"]]:
         grid = _sums(_sums(numbers[:, :4], frames), frames)
         root, yaw = grid[:, :3] * self.quantum, grid[:, 3] * self.turn_quantum
@@ -192,9 +196,7 @@ def posed(
     return np.concatenate([joints, last[None]]), yaw
 
 
-def _differences(
-    values: Int[np.ndarray, "rows n"], frames: Int[np.ndarray, " clips"]
-) -> Int[np.ndarray, "rows n"]:
+def _differences(values: Numbers, frames: Counts) -> Numbers:
     """Each row less the one before it; the first of a clip stays."""
     result = np.diff(values, axis=0, prepend=0)
     starts = np.cumsum(frames) - frames
@@ -202,18 +204,16 @@ def _differences(
     return result
 
 
-def _sums(
-    values: Int[np.ndarray, "rows n"], frames: Int[np.ndarray, " clips"]
-) -> Int[np.ndarray, "rows n"]:
+def _sums(values: Numbers, frames: Counts) -> Numbers:
     return np.concatenate([np.cumsum(part, axis=0) for part in _split(values, frames)])
 
 
-def _split(values: np.ndarray, frames: Int[np.ndarray, " clips"]) -> list[np.ndarray]:
+def _split(values: np.ndarray, frames: Counts) -> list[np.ndarray]:
     return np.split(values, np.cumsum(frames)[:-1])
 
 
 def _steps(
-    frames: Int[np.ndarray, " clips"], rest: Float[np.ndarray, "clips bones 3"]
+    frames: Counts, rest: Float[np.ndarray, "clips bones 3"]
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Yields for each frame the rows of all clips that have it and their last two directions."""
     longest_first = np.argsort(-frames, kind="stable")
@@ -227,16 +227,12 @@ def _steps(
             before[:] = last
 
 
-def _extrapolated(
-    last: Float[np.ndarray, "*batch 3"], before: Float[np.ndarray, "*batch 3"]
-) -> Float[np.ndarray, "*batch 3"]:
+def _extrapolated(last: Vectors, before: Vectors) -> Vectors:
     ahead = last + _MOMENTUM * (last - before)
     return ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
 
 
-def _tilted(
-    guess: Float[np.ndarray, "*batch 3"], angles: Float[np.ndarray, "*batch 2"]
-) -> Float[np.ndarray, "*batch 3"]:
+def _tilted(guess: Vectors, angles: Float[np.ndarray, "*batch 2"]) -> Vectors:
     first, second = _plane(guess)
     angle = np.linalg.norm(angles, axis=-1, keepdims=True)
     across = angles[..., :1] * first + angles[..., 1:] * second
@@ -244,8 +240,8 @@ def _tilted(
 
 
 def _plane(
-    normal: Float[np.ndarray, "*batch 3"],
-) -> tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3"]]:
+    normal: Vectors,
+) -> tuple[Vectors, Vectors]:
     """Two unit vectors across a third (Duff et al., "Building an Orthonormal Basis, Revisited")."""
     x, y, z = normal[..., 0], normal[..., 1], normal[..., 2]
     sign = np.where(z >= 0, 1.0, -1.0)

@@ -29,7 +29,6 @@ from latentmotion.data.report import REPORT, PreparationReport
 from latentmotion.errors import DataError, FileFormatError, InputError, unreadable
 from latentmotion.representation import representation_named
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
-from latentmotion.representation.interface import Normalizer
 from latentmotion.storage import files
 from latentmotion.storage.configuration import from_json, to_json, write_json
 
@@ -218,12 +217,9 @@ def clips_by_shard(manifest: store.DatasetManifest) -> Iterator[list[store.Store
 def _checked(path: Path, header: PackHeader) -> MotionCoder:
     """Returns the coder of a pack, whose header must not contradict itself."""
     manifest = header.manifest
-    mean, std = (np.array(v) for v in (manifest.normalizer.mean, manifest.normalizer.std))
     try:
         representation = packable(manifest.representation)
-        if mean.shape != (representation.width,) or std.shape != mean.shape:
-            raise InputError(f"a normalizer that is not of {representation.width} numbers")
-        Normalizer(mean, std)
+        manifest.normalizer.opened(representation.width)
     except (DataError, InputError) as error:
         raise FileFormatError(path, f"{error}; update latentmotion or pack again") from error
     quanta = header.quantum, header.turn_quantum

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from safetensors.numpy import load, save
 
 from latentmotion.data import pack_file
@@ -25,9 +24,7 @@ from latentmotion.data.pack_file import QUANTA, QUANTUM, TURN_QUANTUM
 from latentmotion.data.prepare import encode_all
 from latentmotion.data.recording import Dropped, EncodedRecording, FileGroup, Label
 from latentmotion.data.report import read_report
-from latentmotion.data.store import StoredClip
 from latentmotion.errors import DataError, InputError
-from latentmotion.representation.humanml3d import HumanML3DRepresentation
 from latentmotion.representation.interface import Representation
 from latentmotion.storage import files, shards
 from latentmotion.storage.configuration import from_json, to_json
@@ -65,47 +62,35 @@ def pack(folder: Path, path: Path, quantum: float = QUANTUM) -> Differences:
     if not QUANTA[0] <= quantum <= QUANTA[1]:
         raise InputError(f"a quantum of {quantum:g} m; expected {QUANTA[0]:g} to {QUANTA[1]:g}")
     dataset = Dataset.load(folder)
-    coder = MotionCoder(pack_file.packable(dataset.manifest.representation), quantum, TURN_QUANTUM)
+    representation = pack_file.packable(dataset.manifest.representation)
+    coder = MotionCoder(representation, quantum, TURN_QUANTUM)
     blocks, differences = [], Differences()
     for clips in pack_file.clips_by_shard(dataset.manifest):
         features = [dataset.features(clip.clip()) for clip in clips]
         block = coder.encode(features)
         decoded = coder.decode(block, [clip.frames for clip in clips])
         for clip, before, after in zip(clips, features, decoded, strict=True):
-            _compare(dataset, clip, before, after, differences)
+            pair = (posed(each, representation)[0] for each in (before, after))
+            furthest = float(np.linalg.norm(next(pair) - next(pair), axis=-1).max())
+            if not furthest <= _FURTHEST:
+                raise DataError(
+                    f"clip {clip.id} would be {1000 * furthest:.2f} mm off, more than 1: its bones "
+                    f"are not those of {representation.name}, or the quantum is too large"
+                )
+            differences.joints_mm = max(differences.joints_mm, 1000 * furthest)
+            differences.frames += len(before)
+            for name, columns in representation.blocks.items():
+                scaled = (before[:, columns] - after[:, columns]) / dataset.normalizer.std[columns]
+                square = float((scaled**2).sum()) / (columns.stop - columns.start)
+                differences.squares[name] = differences.squares.get(name, 0.0) + square
+            contacts = representation.blocks["contacts"]
+            differences.contacts += int((before[:, contacts] != after[:, contacts]).sum())
         blocks.append(pack_file.compressed(block))
     header = pack_file.PackHeader(
         pack_file.FORMAT, quantum, TURN_QUANTUM, dataset.manifest, read_report(folder), ()
     )
     pack_file.write_pack(path, header, blocks)
     return differences
-
-
-def _compare(
-    dataset: Dataset,
-    clip: StoredClip,
-    before: Float[np.ndarray, "frames features"],
-    after: Float[np.ndarray, "frames features"],
-    differences: Differences,
-) -> None:
-    """Adds the differences of a clip; raises DataError if any joint is too far off."""
-    representation = dataset.representation
-    assert isinstance(representation, HumanML3DRepresentation)
-    pair = (posed(features, representation)[0] for features in (before, after))
-    furthest = float(np.linalg.norm(next(pair) - next(pair), axis=-1).max())
-    if not furthest <= _FURTHEST:
-        raise DataError(
-            f"clip {clip.id} would be {1000 * furthest:.2f} mm off, more than 1: its bones are not "
-            f"those of {representation.name}, or the quantum is too large"
-        )
-    differences.joints_mm = max(differences.joints_mm, 1000 * furthest)
-    differences.frames += len(before)
-    for name, block in representation.blocks.items():
-        scaled = (before[:, block] - after[:, block]) / dataset.normalizer.std[block]
-        square = float((scaled**2).sum()) / (block.stop - block.start)
-        differences.squares[name] = differences.squares.get(name, 0.0) + square
-    contacts = representation.blocks["contacts"]
-    differences.contacts += int((before[:, contacts] != after[:, contacts]).sum())
 
 
 FILES = 32  # Files of a shard: a killed process loses the work on so many at most.

@@ -102,6 +102,19 @@ class StoredNormalizer:
     mean: tuple[float, ...]  # One per feature.
     std: tuple[float, ...]  # One per feature.
 
+    def opened(self, width: int) -> Normalizer:
+        """Returns the normalizer of so many features.
+
+        Raises:
+            InputError: It is of another number of features, or not of positive numbers.
+        """
+        with np.errstate(over="ignore"):
+            mean, std = (np.array(values, np.float32) for values in (self.mean, self.std))
+        if not len(mean) == len(std) == width:
+            sizes = f"{len(mean)} and {len(std)}"
+            raise InputError(f"a normalizer of {sizes} numbers, expected {width}")
+        return Normalizer(mean, std)
+
 
 @dataclass(frozen=True)
 class DatasetManifest:

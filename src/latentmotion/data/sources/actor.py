@@ -142,7 +142,27 @@ def uestc_recordings(folder: Path, hold: int) -> Iterator[EncodedRecording | Dro
             raise FileFormatError(folder / SHIFTS, problem)
         count = min(int(frames[number].strip()[:12]), length)
         root = joints[:count, _MID_HIP] + shift[:count]
-        yield _recording(name, video, actions[video.action], pose[:count], root, hold)
+        label = Label(
+            id=name.removesuffix("_color.avi"),
+            source=UESTC.name,
+            origin=name,
+            split=video.split,
+            action=actions[video.action],
+            mirrored_action=mirror_words(actions[video.action]),
+        )
+        reason = ""
+        if video.side != 1 and video.view == 8:
+            reason = "view 8 of side 2: the camera circles the subject"
+        elif video.split == "train" and count < SHORTEST:
+            reason = f"{count} frames, fewer than {SHORTEST}"
+        if reason:
+            yield Dropped(label.id, "clip", reason)
+            continue
+        # Turned to the front; the arrays are in the axes of its camera.
+        turned = np.array(pose[:count], dtype=np.float64)
+        first = video.to_front @ matrix_from_axis_angle(turned[:, :3])
+        turned[:, :3] = axis_angle_from_matrix(first)
+        yield PosedRecording(label, turned, root @ video.to_front.T).encode(hold)
 
 
 def depth_shifts(camera: Float[np.ndarray, "frames 4"]) -> Float[np.ndarray, "frames 3"]:
@@ -150,32 +170,6 @@ def depth_shifts(camera: Float[np.ndarray, "frames 4"]) -> Float[np.ndarray, "fr
     depth = 2 * FOCAL / (IMAGE * camera[:, 0])
     shifts = np.stack([camera[:, 2], camera[:, 3], depth], axis=-1)
     return shifts - shifts[:1]
-
-
-def _recording(
-    name: str,
-    video: Video,
-    action: str,
-    pose: Float[np.ndarray, "frames 72"],
-    root: Float[np.ndarray, "frames 3"],
-    hold: int,
-) -> EncodedRecording | Dropped:
-    """Returns a video turned to the front; the arrays are in the axes of its camera."""
-    label = Label(
-        id=name.removesuffix("_color.avi"),
-        source=UESTC.name,
-        origin=name,
-        split=video.split,
-        action=action,
-        mirrored_action=mirror_words(action),
-    )
-    if video.side != 1 and video.view == 8:
-        return Dropped(label.id, "clip", "view 8 of side 2: the camera circles the subject")
-    if video.split == "train" and len(pose) < SHORTEST:
-        return Dropped(label.id, "clip", f"{len(pose)} frames, fewer than {SHORTEST}")
-    turned = np.array(pose, dtype=np.float64)
-    turned[:, :3] = axis_angle_from_matrix(video.to_front @ matrix_from_axis_angle(turned[:, :3]))
-    return PosedRecording(label, turned, root @ video.to_front.T).encode(hold)
 
 
 def _read_files(folder: Path) -> tuple[list[list[str]], Mapping[str, Any], Any]:

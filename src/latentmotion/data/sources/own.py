@@ -466,15 +466,9 @@ def whole_body(path: Path) -> WholeBody | None:
     )
 
 
-def _rest() -> Skeleton:
-    """Returns our T-pose with fingers that continue the arms."""
-    offsets = np.concatenate([BODY.offsets[:BODY_JOINTS], np.zeros((HAND_JOINTS, 3))])
-    lengths = np.linalg.norm(HANDS.offsets[BODY_JOINTS:], axis=1)
-    ahead = HANDS.offsets[BODY_JOINTS:, 2] > 0
-    side = np.repeat([1.0, -1.0], HAND_JOINTS // 2)
-    offsets[BODY_JOINTS:, 0] = np.where(ahead, 0.0, side * lengths)
-    offsets[BODY_JOINTS:, 2] = np.where(ahead, lengths, 0.0)
-    return Skeleton("hands at rest", HANDS.names, HANDS.parents, offsets)
-
-
-_REST = _rest()
+# Our T-pose with fingers that continue the arms; thumbs point ahead.
+_LENGTHS = np.linalg.norm(HANDS.offsets[BODY_JOINTS:], axis=1, keepdims=True)
+_OUTWARD = np.repeat([[1.0, 0, 0], [-1.0, 0, 0]], HAND_JOINTS // 2, axis=0)
+_WAYS = np.where(HANDS.offsets[BODY_JOINTS:, 2:] > 0, (0.0, 0.0, 1.0), _OUTWARD)
+_OFFSETS = np.concatenate([BODY.offsets[:BODY_JOINTS], _LENGTHS * _WAYS])
+_REST = Skeleton("hands at rest", HANDS.names, HANDS.parents, _OFFSETS)

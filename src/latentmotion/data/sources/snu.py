@@ -36,6 +36,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.arrays import unit
 from latentmotion.data.clip import Split, TaggedSentence, mirror_sentence
 from latentmotion.data.quality import find_glitch, without_t_poses
 from latentmotion.data.recording import FPS, Dropped, Label, Recording, files_below, joints_at
@@ -356,6 +357,7 @@ def split_of(source: str, recording: str) -> Split:
 _WRISTS = [JOINT["left_wrist"], JOINT["right_wrist"]]
 _ANKLES = [JOINT["left_ankle"], JOINT["right_ankle"]]
 _FEET = [JOINT["left_foot"], JOINT["right_foot"]]
+_BENT = np.cos(np.radians(50))
 _SECOND = np.full(FPS, 1 / FPS)
 
 
@@ -404,12 +406,6 @@ def _turn(joints: Joints) -> float:
     return float(np.degrees(heading[-1] - heading[0]))
 
 
-def _bend(joints: Joints) -> float:
-    """Largest angle between the trunk and the vertical, degrees."""
-    trunk = joints[:, JOINT["neck"]] - joints[:, 0]
-    return float(np.degrees(np.arccos(trunk[:, 1] / np.linalg.norm(trunk, axis=-1))).max())
-
-
 def _swing(side: str, other: str) -> Callable[[Joints], bool]:
     def swings(joints: Joints) -> bool:
         speed = _speed(joints, [JOINT[f"{side}_wrist"]]).max()
@@ -444,7 +440,8 @@ EVIDENCE: Mapping[str, Callable[[Joints], bool]] = {
     "kicks": lambda j: bool(j[:, _ANKLES, 1].max() > 0.55),
     "one_leg": lambda j: bool((j[:, _ANKLES, 1].max(1) > 0.35).mean() > 0.5),
     "jumps": lambda j: bool(j[:, _FEET, 1].min(1).max() > 0.1),
-    "bends": lambda j: _bend(j) > 50,
+    # Angle between the trunk and the vertical.
+    "bends": lambda j: bool(unit(j[:, JOINT["neck"]] - j[:, 0])[:, 1].min() < _BENT),
     "lowers": lambda j: bool(_height(j).min() < 0.75),
     "low": lambda j: bool(np.median(_height(j)) < 0.75),
     "down": lambda j: bool(_height(j)[:5].max() > 0.85 and _height(j)[-5:].min() < 0.6),
