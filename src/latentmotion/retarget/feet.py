@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from latentmotion.arrays import unit
 from latentmotion.cleanup import leg_ik, smoothing
@@ -176,7 +176,20 @@ def _ankle_goal(pose: RigPose, source: SourceCharacter, side: str) -> Points:
     rig, ankle, toe = pose.rig, f"{side}_ankle", f"{side}_foot"
     rest, scale = rig.rest(), rig.leg / source.leg
     rotation, foot = source.rotation(ankle), rig.body.joints[ankle]
-    heading = _heading(rotation, source.contacts(side))
+    # The rotation about the vertical, held while the foot stands.
+    quaternion = quaternion_from_matrix(rotation)
+    angle = np.unwrap(2 * np.arctan2(quaternion[:, 2], quaternion[:, 0]))
+    held, fixed = angle.copy(), np.zeros(0, int)
+    for start, end in spans(source.contacts(side)):
+        if np.ptp(angle[start:end]) < _MOST_HELD:
+            held[start:end] = angle[start:end].mean()
+            fixed = np.append(fixed, np.arange(start, end))
+    for before, after in pairwise(fixed.tolist()):
+        share = ramp(np.arange(before, after + 1.0), before, max(after, before + 1))
+        held[before : after + 1] = held[before] + share * (held[after] - held[before])
+    if len(fixed):
+        held[: fixed[0]], held[fixed[-1] :] = held[fixed[0]], held[fixed[-1]]
+    heading = matrix_from_axis_angle(held[:, None] * np.array([0.0, 1.0, 0.0]))
     hips = [f"{side}_hip" for side in SIDES]
     ours = rest[rig.body.joints[hips[0]]] - rest[rig.body.joints[hips[1]]]
     theirs = _rest_position(source, hips[0]) - _rest_position(source, hips[1])
@@ -197,23 +210,6 @@ def _ankle_goal(pose: RigPose, source: SourceCharacter, side: str) -> Points:
     by_toe[:, 1] += ramp(rotation[:, 1, 2], -0.15, 0.15) * (by_ankle - by_toe)[:, 1]
     lift = (source.position(toe)[:, 1] - source.standing_height("foot")) / source.leg
     return by_toe + ramp(lift, *_SWING_HEIGHT)[:, None] * (by_ankle - by_toe)
-
-
-def _heading(rotations: Rotations, standing: Bool[np.ndarray, " frames"]) -> Rotations:
-    """Returns the rotation about the vertical, held while the foot stands."""
-    quaternion = quaternion_from_matrix(rotations)
-    angle = np.unwrap(2 * np.arctan2(quaternion[:, 2], quaternion[:, 0]))
-    held, fixed = angle.copy(), np.zeros(0, int)
-    for start, end in spans(standing):
-        if np.ptp(angle[start:end]) < _MOST_HELD:
-            held[start:end] = angle[start:end].mean()
-            fixed = np.append(fixed, np.arange(start, end))
-    for before, after in pairwise(fixed.tolist()):
-        share = ramp(np.arange(before, after + 1.0), before, max(after, before + 1))
-        held[before : after + 1] = held[before] + share * (held[after] - held[before])
-    if len(fixed):
-        held[: fixed[0]], held[fixed[-1] :] = held[fixed[0]], held[fixed[-1]]
-    return matrix_from_axis_angle(held[:, None] * np.array([0.0, 1.0, 0.0]))
 
 
 def _rest_position(source: SourceCharacter, name: str) -> Float[np.ndarray, " 3"]:

@@ -157,7 +157,11 @@ def flesh_of(rig: Rig) -> Flesh | None:
     chosen, parts = [], []
     for name, bones, line in _parts(body):
         vertices = np.flatnonzero(np.isin(carrier, list(bones)))
-        away = _distance(surface.vertices[vertices], *rest[list(line)])
+        # How far points are from the line that ends at both joints.
+        places, (start, end) = surface.vertices[vertices], rest[list(line)]
+        along = end - start
+        share = np.clip((places - start) @ along / max(float(along @ along), 1e-12), 0, 1)
+        away = np.linalg.norm(places - (start + share[:, None] * along), axis=-1)
         limit = _LIMITS[name.rpartition("_")[2]] * size
         if len(vertices):
             limit = max(limit, _STOUT * min(limit, float(np.median(away))))
@@ -210,15 +214,3 @@ def _parts(body: Humanoid) -> Iterator[tuple[str, set[int], tuple[int, int]]]:
         for part, joint in (("foot", leg[-1]), ("hand", joints[f"{side}_wrist"])):
             bones = {bone for bone, line in enumerate(body.lines) if joint in line}
             yield f"{side}_{part}", bones, (joint, joint)
-
-
-def _distance(
-    points: Float[np.ndarray, "points 3"],
-    start: Float[np.ndarray, " 3"],
-    end: Float[np.ndarray, " 3"],
-) -> Float[np.ndarray, " points"]:
-    """Returns how far points are from a line that ends at both ends."""
-    line = end - start
-    share = (points - start) @ line / max(float(line @ line), 1e-12)
-    nearest = start + np.clip(share, 0, 1)[:, None] * line
-    return np.linalg.norm(points - nearest, axis=-1)

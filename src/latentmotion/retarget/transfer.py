@@ -89,12 +89,20 @@ def retarget(source: Motion | Animation, rig: Rig, body: Humanoid | None = None)
         joints = character.joints @ facing
         root = joints[:, 0] - (0, rig.floor, 0)
         return posed(rig.skeleton, facing.T @ character.world, joints, character.fps, root)
-    rotations = _torso(character, rig.body) | _limbs(character, rig)
+    body, joints, world = character.body, rig.body.joints, character.world
+    rotations = {rig.body.pelvis: world[:, body.pelvis], **_limbs(character, rig)}
+    spine = [world[:, joint] for joint in (body.pelvis, *body.spine)]
+    rotations |= _chain(spine, rig.body.spine)
+    if "head" in body.joints:
+        neck = [world[:, joint] for joint in (body.chest, *body.neck)]
+        rotations |= _chain(neck, rig.body.neck)
+    aligned = dict.fromkeys(("head", *(f"{side}_collar" for side in SIDES)), np.eye(3))
     for side in SIDES:
         align = feet.align_foot(rig, character, side)
-        for name in (f"{side}_ankle", f"{side}_foot"):
-            if name in character.body.joints and name in rig.body.joints:
-                rotations[rig.body.joints[name]] = character.rotation(name) @ align
+        aligned |= {f"{side}_ankle": align, f"{side}_foot": align}
+    for name, align in aligned.items():
+        if name in body.joints and name in joints:
+            rotations[joints[name]] = character.rotation(name) @ align
     # The middle of the hips moves as the source's, at the scale of the legs.
     hips = np.mean([character.position(f"{side}_hip") for side in SIDES], axis=0)
     scale = rig.leg / character.leg
@@ -257,23 +265,6 @@ def check_output(rig: Rig, path: Path) -> None:
         )
     if path.suffix.lower() == ".fbx":
         fbx.check_ready()
-
-
-def _torso(source: SourceCharacter, body: Humanoid) -> dict[int, Rotations]:
-    theirs = source.body
-    spine = [theirs.pelvis, *theirs.spine]
-    rotations = {body.pelvis: source.world[:, theirs.pelvis]}
-    rotations |= _chain([source.world[:, joint] for joint in spine], body.spine)
-    if "head" in theirs.joints:
-        neck = [theirs.chest, *theirs.neck]
-        rotations |= _chain([source.world[:, joint] for joint in neck], body.neck)
-        if "head" in body.joints:
-            rotations[body.joints["head"]] = source.world[:, theirs.joints["head"]]
-    for side in SIDES:
-        collar = f"{side}_collar"
-        if collar in theirs.joints and collar in body.joints:
-            rotations[body.joints[collar]] = source.rotation(collar)
-    return rotations
 
 
 def _chain(source: Sequence[Rotations], joints: Sequence[int]) -> dict[int, Rotations]:
