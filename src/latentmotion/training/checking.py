@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -36,11 +37,6 @@ def turns_by(scene: Measured, term: Term) -> bool:
     return term.numbers[0] <= amount <= term.numbers[1]
 
 
-def travels(scene: Measured, term: Term) -> bool:
-    """The path of the pelvis is so many meters long."""
-    return scene.path.length >= term.numbers[0]
-
-
 def moves_towards(scene: Measured, term: Term) -> bool:
     """It moves so many meters to a side of the body, and farther than to any other."""
     distance, least = meters(scene), term.numbers[0]
@@ -60,22 +56,12 @@ def has_speed(scene: Measured, term: Term) -> bool:
     return term.numbers[0] <= mean <= term.numbers[1]
 
 
-def speeds_up(scene: Measured, term: Term) -> bool:
-    """The last third is so many times as fast as the first."""
-    first, last = _ends_of_speed(scene)
+def speeds_up(scene: Measured, term: Term, step: int = 1) -> bool:
+    """The last third is so many times as fast as the first; with step -1 the first as the last."""
+    speed = scene.signals.speed[::step]
+    third = max(len(speed) // 3, 1)
+    first, last = float(speed[:third].mean()), float(speed[-third:].mean())
     return last >= max(term.numbers[0] * first, first + 0.2)
-
-
-def slows_down(scene: Measured, term: Term) -> bool:
-    """The first third is so many times as fast as the last."""
-    first, last = _ends_of_speed(scene)
-    return first >= max(term.numbers[0] * last, last + 0.2)
-
-
-def takes_steps(scene: Measured, term: Term) -> bool:
-    """Both feet together make so many steps."""
-    least, most = term.often
-    return least <= scene.steps <= most
 
 
 def steps_in_place(scene: Measured, term: Term) -> bool:
@@ -115,21 +101,6 @@ def weaves(scene: Measured, term: Term) -> bool:
     return sum(swings) >= 2
 
 
-def jumps_high(scene: Measured, term: Term) -> bool:
-    """The pelvis rises by so many meters in a jump."""
-    return any(event.amount >= term.numbers[0] for event in scene.all_of("jump", "hop"))
-
-
-def keeps_still(scene: Measured, term: Term) -> bool:
-    """Nothing moves for such a part of the time."""
-    return bool(stillness(scene.signals).mean() >= term.numbers[0])
-
-
-def is_stooped(scene: Measured, term: Term) -> bool:
-    """The hips are low or the trunk is bent, half of the time or more."""
-    return bool(stooped(scene.signals).mean() >= 0.5)
-
-
 def is_upright(scene: Measured, term: Term) -> bool:
     """It stands with the trunk upright all the time."""
     standing = sum(part.frames for part in scene.postures if part.kind == "stand")
@@ -139,28 +110,30 @@ def is_upright(scene: Measured, term: Term) -> bool:
 # Every condition by name.
 CONDITIONS: dict[str, MotionCondition] = {
     "turn": MotionCondition(turns_by, 2, (TURNS,)),
-    "travel": MotionCondition(travels, 1),
+    # The path of the pelvis is so many meters long.
+    "travel": MotionCondition(lambda scene, term: scene.path.length >= term.numbers[0], 1),
     "move": MotionCondition(moves_towards, 1, ((*DIRECTIONS, "sideways"),)),
     "speed": MotionCondition(has_speed, 2),
     "faster": MotionCondition(speeds_up, 1),
-    "slower": MotionCondition(slows_down, 1),
-    "step": MotionCondition(takes_steps, 2),
+    "slower": MotionCondition(partial(speeds_up, step=-1), 1),
+    # Both feet together make so many steps.
+    "step": MotionCondition(lambda scene, term: term.often[0] <= scene.steps <= term.often[1], 2),
     "lift_feet": MotionCondition(steps_in_place, 2),
     "in_place": MotionCondition(stays, 1),
     "facing": MotionCondition(keeps_facing, 1),
     "straight": MotionCondition(goes_straight, 1),
     "weave": MotionCondition(weaves, 1),
-    "height": MotionCondition(jumps_high, 1),
-    "still": MotionCondition(keeps_still, 1),
-    "stooped": MotionCondition(is_stooped, 0),
+    # The pelvis rises by so many meters in a jump.
+    "height": MotionCondition(
+        lambda scene, term: any(e.amount >= term.numbers[0] for e in scene.all_of("jump", "hop")), 1
+    ),
+    # Nothing moves for such a part of the time; hips are low or the trunk is bent half of it.
+    "still": MotionCondition(
+        lambda scene, term: bool(stillness(scene.signals).mean() >= term.numbers[0]), 1
+    ),
+    "stooped": MotionCondition(lambda scene, term: bool(stooped(scene.signals).mean() >= 0.5), 0),
     "upright": MotionCondition(is_upright, 0),
 }
-
-
-def _ends_of_speed(scene: Measured) -> tuple[float, float]:
-    speed = scene.signals.speed
-    third = max(len(speed) // 3, 1)
-    return float(speed[:third].mean()), float(speed[-third:].mean())
 
 
 @dataclass(frozen=True)

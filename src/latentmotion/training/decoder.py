@@ -139,7 +139,16 @@ def train_decoder(
     )
     vae, seconds = train(stage, training, folder, context)
     if context.is_main:
-        card = decoder_card(trained.card, experiment, dataset, seconds, stage.validate(vae))
+        # What was measured of the old decoder is left out.
+        before, provenance = trained.card.figures, trained.card.provenance
+        figures = {f"vae_{name}": round(v, 3) for name, v in stage.validate(vae).items()}
+        figures["decoder_hours"] = round(before.get("decoder_hours", 0.0) + seconds / 3600, 3)
+        card = replace(
+            trained.card,
+            vae=experiment.vae,
+            provenance=provenance_of(dataset, seconds, provenance),
+            figures={**other_figures(trained.card), **figures},
+        )
         with_new_decoder = replace(trained, card=card, vae=vae)
         check_latents(trained, with_new_decoder)
         save_model(folder / MODEL, with_new_decoder)
@@ -202,25 +211,6 @@ def check_data(card: ModelCard, dataset: Dataset) -> None:
             f"{dataset.folder} has other features than model {card.name!r} knows, or another "
             "normalizer; use the data that it was trained on"
         )
-
-
-def decoder_card(
-    trained: ModelCard,
-    experiment: Experiment,
-    dataset: Dataset,
-    seconds: float,
-    figures: dict[str, float],
-) -> ModelCard:
-    """Describes a model with its new decoder; what was measured of the old one is left out."""
-    rounded = {f"vae_{name}": round(value, 3) for name, value in figures.items()}
-    before = trained.figures.get("decoder_hours", 0.0)
-    hours = {"decoder_hours": round(before + seconds / 3600, 3)}
-    return replace(
-        trained,
-        vae=experiment.vae,
-        provenance=provenance_of(dataset, seconds, trained.provenance),
-        figures={**other_figures(trained), **rounded, **hours},
-    )
 
 
 def _sizes(vae: MotionVAE) -> dict[str, list[int]]:

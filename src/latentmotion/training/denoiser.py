@@ -5,14 +5,12 @@ For diffusion on raw frames (`--vae none`) the normalized frames themselves are 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from safetensors.torch import load_file
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.data.dataset import Crop, Cropping, Item
@@ -26,7 +24,7 @@ from latentmotion.training.denoiser_loss import denoiser_loss
 from latentmotion.training.distributed import DistributedContext, Ranks, StepRandomness
 from latentmotion.training.experiment import Experiment
 from latentmotion.training.loop import Stage
-from latentmotion.training.run_folder import Previews, write_tensors
+from latentmotion.training.run_folder import Previews
 from latentmotion.training.task_conditions import ConditionTable
 from latentmotion.training.vae import BatchSampler, FeatureCache
 
@@ -133,16 +131,6 @@ def encode_crops(
     return Posteriors(
         pad(means, batch_first=True), pad(stds, batch_first=True), prefix_mask(lengths)
     )
-
-
-def cached_posteriors(
-    path: Path, compute: Callable[[], Posteriors], context: DistributedContext
-) -> Posteriors:
-    """Reads posteriors from `path`, which the leading rank computes first where it is missing."""
-    if context.is_main and not path.exists():
-        write_tensors(path, vars(compute()))
-    context.wait()
-    return Posteriors(**load_file(path))
 
 
 def _key(crop: Crop) -> tuple[str, int, int]:

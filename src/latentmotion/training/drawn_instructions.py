@@ -174,22 +174,20 @@ def _orders(generator: np.random.Generator) -> _Asked:
     first, other = str(_pick(generator, kinds)), str(_pick(generator, kinds))
     if first == other or {first, other} == {"stand", "turn"} or first in ("lie_down", "sit_down"):
         return _orders(generator)
-    pair = [_ordered(kind, generator) for kind in (first, other)]
-    return _Asked(tuple(action for action, _ in pair), " > ".join(term for _, term in pair))
-
-
-def _ordered(kind: str, generator: np.random.Generator) -> tuple[SingleAction, str]:
-    """Returns an action as a part of two, and its term."""
-    name = _TABLE["in_order"][kind]
-    if kind in ("kick", "punch", "wave", "raise"):
-        side = str(_pick(generator, (LEFT, RIGHT) if kind != "raise" else (LEFT, RIGHT, BOTH)))
-        return _action(kind, side=side), f"{name}({side})"
-    if kind == "turn":
-        side, degrees = str(_pick(generator, (LEFT, RIGHT))), int(generator.choice([90, 180]))
-        return _action(kind, side=side, degrees=degrees), f"turn({side}, 30, 240)"
-    pace = "normal" if kind in ("walk", "run") else ""
-    way = "forward" if pace else ""
-    return _action(kind, pace=pace, direction=way), name
+    actions, terms = [], []
+    for kind in (first, other):
+        name, more = _TABLE["in_order"][kind], dict[str, str | int]()
+        if kind in ("walk", "run"):
+            more |= {"pace": "normal", "direction": "forward"}
+        elif kind in ("kick", "punch", "wave", "raise", "turn"):
+            sides = (LEFT, RIGHT, BOTH) if kind == "raise" else (LEFT, RIGHT)
+            more["side"] = side = str(_pick(generator, sides))
+            name = f"turn({side}, 30, 240)" if kind == "turn" else f"{name}({side})"
+        if kind == "turn":
+            more["degrees"] = int(generator.choice([90, 180]))
+        actions.append(_action(kind, **more))
+        terms.append(name)
+    return _Asked(tuple(actions), " > ".join(terms))
 
 
 @_group("pace")

@@ -199,16 +199,17 @@ def best_lengths(
         )
     network.eval()
     lengths = torch.linspace(float(log_seconds.min()), float(log_seconds.max()), _LENGTHS)
-    priors = torch.tensor(_log_density(usual(drawn.numpy()), lengths.numpy()))
+    # The logarithm of a log-normal density, up to a constant, with the quartiles that are usual;
+    # the interquartile range of a normal distribution is 1.349 deviations.
+    quartiles = usual(drawn.numpy())[:, [QUANTILES.index(share) for share in (0.25, 0.5, 0.75)]]
+    low, middle, high = np.log(quartiles.clip(0.5)).T[..., None]
+    spread = np.maximum((high - low) / 1.349, 0.15)
+    priors = torch.tensor((-0.5 * ((lengths.numpy() - middle) / spread) ** 2).astype(np.float32))
+    best = []
     with torch.no_grad():
-        best = [
-            lengths[
-                (
-                    F.logsigmoid(network(row.expand(_LENGTHS, -1), lengths)) + recipe.prior * prior
-                ).argmax()
-            ]
-            for row, prior in zip((drawn - mean) / std, priors, strict=True)
-        ]
+        for row, prior in zip((drawn - mean) / std, priors, strict=True):
+            obeys = F.logsigmoid(network(row.expand(_LENGTHS, -1), lengths))
+            best.append(lengths[(obeys + recipe.prior * prior).argmax()])
     seconds = torch.stack(best).exp().numpy()
     return CaptionLengths(tuple(prompts) * recipe.copies, np.tile(seconds, recipe.copies))
 
@@ -226,19 +227,6 @@ def kept_lengths(
     prompts = [item.prompt for item in drawn_instructions(recipe.prompts, recipe.seed)]
     seconds = np.array(earlier.usual(pooled_embeddings(encoder, prompts)), np.float32)
     return CaptionLengths(tuple(prompts) * recipe.copies, np.tile(seconds, recipe.copies))
-
-
-def _log_density(
-    quantiles: Float[np.ndarray, "sentences quantiles"], log_seconds: Float[np.ndarray, " lengths"]
-) -> Float[np.ndarray, "sentences lengths"]:
-    """Returns the logarithm of a log-normal density, up to a constant, with these quartiles."""
-    low, middle, high = (
-        np.log(quantiles[:, QUANTILES.index(share)].clip(0.5))[:, None]
-        for share in (0.25, 0.5, 0.75)
-    )
-    # The interquartile range of a normal distribution is 1.349 deviations.
-    spread = np.maximum((high - low) / 1.349, 0.15)
-    return (-0.5 * ((log_seconds - middle) / spread) ** 2).astype(np.float32)
 
 
 def measured(

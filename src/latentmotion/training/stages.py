@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import torch
+from safetensors.torch import load_file
 
 from latentmotion.data.dataset import Dataset, Item
 from latentmotion.diffusion.condition import SentenceCondition, TextEncoder, TextTask
@@ -127,7 +128,11 @@ def train_denoiser(
     first = load_first_stage(vae) if vae else frames_as_first_stage(experiment, dataset)
     conditioning = task_conditioning(experiment, dataset, encoder)
     experiment = task_conditions.with_condition_width(experiment, conditioning)
-    experiment, training = with_latent_width(experiment, first), experiment.denoiser_training
+    denoiser = replace(experiment.denoiser, latent_width=first.vae.latent_width)
+    if not denoiser.project_latents:
+        transformer = replace(denoiser.transformer, width=first.vae.latent_width)
+        denoiser = replace(denoiser, transformer=transformer)
+    experiment, training = replace(experiment, denoiser=denoiser), experiment.denoiser_training
     check_fit(experiment, dataset, first, conditioning)
     parents = {"vae": first.fingerprint, **conditioning.task.parents}
     before = load_start(start, experiment, first) if start else None
@@ -327,18 +332,6 @@ def frames_as_first_stage(experiment: Experiment, dataset: Dataset) -> FirstStag
     return FirstStage(build(config), replace(card, provenance=Provenance()), "none")
 
 
-def with_latent_width(experiment: Experiment, first: FirstStage) -> Experiment:
-    """Returns the experiment with a denoiser of the VAE's latents.
-
-    Without projections its transformer is as wide as they are.
-    """
-    denoiser = replace(experiment.denoiser, latent_width=first.vae.latent_width)
-    if not denoiser.project_latents:
-        transformer = replace(denoiser.transformer, width=first.vae.latent_width)
-        denoiser = replace(denoiser, transformer=transformer)
-    return replace(experiment, denoiser=denoiser)
-
-
 def check_fit(
     experiment: Experiment, dataset: Dataset, first: FirstStage, conditioning: TaskConditioning
 ) -> None:
@@ -401,11 +394,13 @@ def prepare_latents(
         )
         every = [*cropping.every(), *unseen]
 
-        def encode() -> second_stage.Posteriors:
+        path = folder / "latents.safetensors"
+        if context.is_main and not path.exists():
             vae = first.vae.to(context.device)
-            return second_stage.encode_crops(vae, features(), every, context)
-
-        posteriors = second_stage.cached_posteriors(folder / "latents.safetensors", encode, context)
+            encoded = second_stage.encode_crops(vae, features(), every, context)
+            run_folder.write_tensors(path, vars(encoded))
+        context.wait()
+        posteriors = second_stage.Posteriors(**load_file(path))
         if space is None:
             space = first.card.latents
             if settings.normalized:

@@ -83,6 +83,7 @@ class Takes:
         return 0.5 + _centered(reward, self.prompt).clamp(-0.5, 0.5)
 
 
+@torch.no_grad()
 def cached_takes(
     settings: TakeSettings,
     instructions: Sequence[Instruction],
@@ -103,40 +104,21 @@ def cached_takes(
         folder: Run folder.
         context: Device and rank; each rank makes its share.
     """
-    ranks = range(context.ranks.world)
-    files = [folder / f"takes-{rank}-of-{context.ranks.world}.safetensors" for rank in ranks]
-    rank_file = files[context.ranks.rank]
-    if not rank_file.exists():
-        takes = _make(settings, instructions, seconds, model, prompts, context)
-        write_tensors(rank_file, vars(takes))
-    context.wait()
-    return joined([Takes(**load_file(file)) for file in files])
-
-
-@torch.no_grad()
-def _make(
-    settings: TakeSettings,
-    instructions: Sequence[Instruction],
-    seconds: Sequence[float],
-    model: LatentModel,
-    prompts: ConditionTable,
-    context: DistributedContext,
-) -> Takes:
+    world, rank, device = context.ranks.world, context.ranks.rank, context.device
+    files = [folder / f"takes-{number}-of-{world}.safetensors" for number in range(world)]
     card, generator = model.card, np.random.default_rng(settings.seed)
-    device = context.device
     model.denoiser.to(device).eval()
     null, scale = prompts([""]), settings.guidance
     denoiser = guided(card.sampling.guidance_rule, card.parametrized(model.denoiser), null, scale)
     sampler = sampler_named("dpm++", card.schedule)
     decode = model.vae.to(device).eval().decode
     decoder = FeatureDecoder.of(card, decode, lambda array: torch.as_tensor(array, device=device))
-    frames = drawn_frames(
-        np.repeat(seconds, settings.takes), settings.spread, card.frames, generator
-    )
+    usual = np.repeat(seconds, settings.takes)
+    frames = drawn_frames(usual, settings.spread, card.frames, generator)
     order = np.argsort(frames, kind="stable")
     blocks = [order[i : i + AT_ONCE] for i in range(0, len(order), AT_ONCE)]
     parts = []
-    for number in range(context.ranks.rank, len(blocks), context.ranks.world):
+    for number in () if files[rank].exists() else range(rank, len(blocks), world):
         rows = blocks[number]
         requested = [instructions[row // settings.takes] for row in rows]
         tokens = [card.latents.tokens_of(int(frames[row])) for row in rows]
@@ -158,7 +140,10 @@ def _make(
         if context.is_main and number % 20 == 0:
             share = torch.cat([part.obeys for part in parts]).float().mean()
             print(f"takes: block {number} of {len(blocks)}, {100 * share:.0f} % obey", flush=True)
-    return joined(parts)
+    if parts:
+        write_tensors(files[rank], vars(joined(parts)))
+    context.wait()
+    return joined([Takes(**load_file(file)) for file in files])
 
 
 def drawn_frames(

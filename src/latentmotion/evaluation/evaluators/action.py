@@ -21,7 +21,7 @@ of mean and peak, so that it cannot leak.
     (30), which FID compares → 12 logits
 
 The authors draw the GRU's first state at random in every call, so their figures differ from run to
-run. Here it is zero, and `DrawnState` draws it for the protocol `paper`.
+run. Here it is zero, and the protocol `paper` draws it.
 
 Their joints are those of SMPL's neutral body. Without its file a free skeleton stands in; see
 `evaluation/scores.py`.

@@ -17,7 +17,6 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.model.card import (
     LENGTHS_FILE,
     ModelCard,
-    Provenance,
     file_beside,
     find_model,
     read_card,
@@ -181,7 +180,10 @@ def distill(
     if context.is_main:
         before = read_card(start) if start else model.card
         provenance = provenance_of(dataset, seconds, before.provenance)
-        card = finished(card, model.card, provenance, stage.validate(student))
+        of_vae = {k: v for k, v in model.card.figures.items() if k.startswith("vae_")}
+        figures = {f"student_{k}": round(v, 4) for k, v in stage.validate(student).items()}
+        figures |= {**of_vae, "teacher": model.card.name}
+        card = replace(card, provenance=provenance, figures=figures)
         checkpoint.save_model(folder / MODEL, checkpoint.LatentModel(card, model.vae, student))
     return folder / MODEL
 
@@ -270,14 +272,3 @@ def student_of(teacher: DenoiserNetwork, config: DenoiserConfig) -> DenoiserNetw
     student = build(config)
     student.load_state_dict({**student.state_dict(), **teacher.state_dict()})
     return student
-
-
-def finished(
-    card: ModelCard, teacher: ModelCard, provenance: Provenance, figures: dict[str, float]
-) -> ModelCard:
-    """Adds to a student's card how it came to be, and how good it is."""
-    of_vae = {name: value for name, value in teacher.figures.items() if name.startswith("vae_")}
-    rounded = {f"student_{name}": round(value, 4) for name, value in figures.items()}
-    return replace(
-        card, provenance=provenance, figures={**of_vae, **rounded, "teacher": teacher.name}
-    )
