@@ -69,6 +69,8 @@ def pieces(encoder: TextEncoder, word: str) -> list[str]:
 
     A frequent English word is one piece.
     """
+    while isinstance(encoder, AroundEncoder):
+        encoder = encoder.encoder
     splits = getattr(encoder, "pieces", None)
     return splits(word) if splits else [word]
 
@@ -331,10 +333,6 @@ class AroundEncoder:
     def width(self) -> int:
         """Numbers per vector."""
         return self.encoder.width
-
-    def pieces(self, word: str) -> list[str]:
-        """Returns the pieces that a word is read in; the word itself if the encoder has none."""
-        return pieces(self.encoder, word)
 
 
 @dataclass(frozen=True, eq=False)

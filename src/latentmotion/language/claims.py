@@ -112,12 +112,6 @@ def mirror_words(text: str) -> str:
     return _SIDED.sub(swap, text)
 
 
-def both_sides(sentence: str) -> list[str]:
-    """Returns a sentence, and its mirror image if it names a side."""
-    mirrored = mirror_words(sentence)
-    return [sentence] if mirrored == sentence else [sentence, mirrored]
-
-
 @cache
 def kinds(trait: str) -> tuple[str, ...]:
     """Returns the kinds with a trait."""

@@ -91,11 +91,6 @@ class Choice:
         """Cosine of the nearest."""
         return self.neighbors[0].cosine
 
-    @property
-    def is_near(self) -> bool:
-        """Whether the nearest may show the movement."""
-        return self.neighbors[0].is_near
-
     def clip_for(self, seed: int) -> Neighbor | None:
         """Returns the clip whose turn it is with a seed; None where noise is sampled."""
         return self.neighbors[seed % len(self.neighbors)] if self.neighbors else None
@@ -140,7 +135,7 @@ class Chooser(SentenceReader):
             for choice in movements
             if request_of(choice.sentence).claims
             or choice.cosine >= NEARLY_ALIKE
-            or (choice.is_near and not refers_back(choice.sentence))
+            or (choice.neighbors[0].is_near and not refers_back(choice.sentence))
         ]
         row = [
             self._rare(choice, reading, choice.sentence)
@@ -199,7 +194,7 @@ class Chooser(SentenceReader):
         is_given = choice.support == SHOWN or (choice.support == DRAWN and turns)
         exact = exactly != NO_CORRECTIONS and not is_given
         rare = choice.support <= (USUAL if reading.caption else RARE) and not exact
-        if rare and choice.is_near:
+        if rare and choice.neighbors[0].is_near:
             return choice
         said = None if exact else self._said(choice.sentence)
         return Choice((said,), DRAWN, choice.sentence) if said else None
@@ -280,7 +275,11 @@ class Chooser(SentenceReader):
             return False
         if caption.support == DRAWN:
             texts = self.index.texts_of(caption.clip)
-            return choice.support == DRAWN and choice.is_near and self._names(texts, clauses)
+            return (
+                choice.support == DRAWN
+                and choice.neighbors[0].is_near
+                and self._names(texts, clauses)
+            )
         if choice.support > RARE and len(named_sides(" ".join(clauses))) > 1:
             return False  # noise mixes sides up
         of_clip = self.index.captions_of[caption.clip]

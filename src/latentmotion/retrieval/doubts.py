@@ -29,7 +29,7 @@ from jaxtyping import Float
 from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.encoder import pieces
 from latentmotion.language.acts import lookups, of_a_person
-from latentmotion.language.claims import both_sides, mirror_words
+from latentmotion.language.claims import mirror_words
 from latentmotion.language.reading import affirmed, is_idle, request_of, told_in_order
 from latentmotion.language.words import (
     ENDINGS,
@@ -238,7 +238,7 @@ class SentenceReader:
 
     def _sides(self, sentence: str) -> Float[np.ndarray, "sides width"]:
         """Returns the embedding of a sentence, and that of its mirror image if it differs."""
-        return self.text_encoder(both_sides(sentence)).pooled
+        return self.text_encoder([*dict.fromkeys((sentence, mirror_words(sentence)))]).pooled
 
     def corrected(self, sentence: str) -> tuple[str, dict[str, str]]:
         """Returns a sentence with misspelled words corrected, and the corrections.
