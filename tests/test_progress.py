@@ -33,7 +33,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
 
 def test_terminals_see_how_many_are_done_and_the_time_left(terminal: Terminal) -> None:
     with redirect_stderr(terminal), shown_progress():
-        assert list(counted(iter("abcd"), "reading", total=4)) == list("abcd")
+        assert list(counted("abcd", "reading")) == list("abcd")
     assert "reading" in terminal.getvalue()
     assert "0/4" in terminal.getvalue() and "<" in terminal.getvalue()
 

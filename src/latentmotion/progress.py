@@ -86,20 +86,16 @@ def shown_progress(quiet: bool = False) -> Iterator[None]:
             bar.close()
 
 
-def counted(
-    items: Iterable[Item], name: str, total: int | None = None, done: int = 0
-) -> Iterable[Item]:
+def counted(items: Iterable[Item], name: str, done: int = 0) -> Iterable[Item]:
     """Yields items; inside `shown_progress` on a terminal with a bar, from two items up.
 
     Args:
         items: What is worked on.
         name: What is done with them, e.g. `reading`.
-        total: Number of items, with those done before; by default the length of `items`.
         done: Number of items done before.
     """
     bars, job = _BARS.get(), _JOB.get()
-    if total is None and isinstance(items, Sized):
-        total = done + len(items)
+    total = done + len(items) if isinstance(items, Sized) else None
     if job is not None:
         items = _noted(items, name, total, done, job)
     if bars is None or (total is not None and total < 2):
