@@ -41,14 +41,7 @@ from latentmotion.retrieval.doubts import (
     SentenceReader,
     fitting,
 )
-from latentmotion.retrieval.index import (
-    ALIKE_WORDS,
-    DRAWN,
-    OFTEN,
-    RARE,
-    SHOWN,
-    Neighbor,
-)
+from latentmotion.retrieval.index import ALIKE_WORDS, DRAWN, OFTEN, RARE, SHOWN, Neighbor
 
 USUAL = 60.0  # Support of a movement that succeeds from noise about as often as from a clip.
 

@@ -45,15 +45,7 @@ from latentmotion.language.words import (
     with_words,
     words_of,
 )
-from latentmotion.retrieval.index import (
-    ABOUT,
-    DRAWN,
-    OFTEN,
-    RARE,
-    SHOWN,
-    ClipIndex,
-    Neighbor,
-)
+from latentmotion.retrieval.index import ABOUT, DRAWN, OFTEN, RARE, SHOWN, ClipIndex, Neighbor
 
 # Cosine of the nearest caption below which a sentence is foreign, unless a wording is near. With
 # the other signs 2 % of 200 known sentences and 94 % of 161 foreign ones are doubted (lists of

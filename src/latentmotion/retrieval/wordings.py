@@ -20,12 +20,7 @@ from jaxtyping import Float
 from latentmotion.arrays import unit
 from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.errors import FileFormatError, InputError
-from latentmotion.retrieval.index import (
-    EMBEDDING_LEVELS,
-    SHOWN,
-    ClipIndex,
-    quantized,
-)
+from latentmotion.retrieval.index import EMBEDDING_LEVELS, SHOWN, ClipIndex, quantized
 from latentmotion.storage.reading import read_text, unpack_xz
 
 # Directions that are kept of 384. Of 1,195 phrases whose captions no direction was computed from,

@@ -32,11 +32,7 @@ from latentmotion.networks.checkpoint import (
     load_stages,
     save_model,
 )
-from latentmotion.networks.vae.interface import (
-    MotionVAE,
-    copy_encoder,
-    encoder_state,
-)
+from latentmotion.networks.vae.interface import MotionVAE, copy_encoder, encoder_state
 from latentmotion.representation.interface import Scale
 from latentmotion.storage.files import sha256
 from latentmotion.training.distributed import DistributedContext, StepRandomness

@@ -14,13 +14,7 @@ from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, sample
 from latentmotion.engine.lengths import LengthFile
 from latentmotion.errors import InputError, ModelError
-from latentmotion.model.card import (
-    LENGTHS_FILE,
-    ModelCard,
-    file_beside,
-    find_model,
-    read_card,
-)
+from latentmotion.model.card import LENGTHS_FILE, ModelCard, file_beside, find_model, read_card
 from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.motion import Motion
 from latentmotion.networks import checkpoint
