@@ -74,11 +74,33 @@ def cross(
     return left - a.take(_ZXY, axis=-1) * b.take(_YZX, axis=-1)
 
 
-def quantile(values: Float[np.ndarray, "n ..."], share: float) -> Float[np.ndarray, "*batch"]:
+# Frames of each motion of a padded batch; None where none has padding. Frames come first, then
+# motions; what a function returns beyond the last frame of a motion means nothing.
+Lengths = Int[np.ndarray, " motions"] | None
+
+
+def real_frames(lengths: Lengths, frames: int) -> Bool[np.ndarray, "frames motions"]:
+    """Returns a column per motion of a padded batch, True on its frames; one column for all."""
+    return np.ones((frames, 1), bool) if lengths is None else prefix_mask(lengths, frames).T
+
+
+def held(values: Shaped[np.ndarray, "n ..."], lengths: Lengths) -> Shaped[np.ndarray, "n ..."]:
+    """Returns a copy of a padded batch whose motions stay as they are in their last frame."""
+    if lengths is None:
+        return values.copy()
+    rows = np.minimum(np.arange(len(values))[:, None], lengths - 1)
+    return values[rows, np.arange(len(lengths))]
+
+
+def quantile(
+    values: Float[np.ndarray, "n ..."], share: float, lengths: Lengths = None
+) -> Float[np.ndarray, "*batch"]:
     """Returns a quantile along the first axis, linear between two numbers.
 
     `numpy.quantile` is the same and takes ten times as long for arrays as short as motions.
     """
+    if lengths is not None:
+        return np.stack([quantile(values[:n, k], share) for k, n in enumerate(lengths.tolist())])
     ordered, position = np.sort(values, axis=0), share * (len(values) - 1)
     lower = int(position)
     upper = min(lower + 1, len(values) - 1)

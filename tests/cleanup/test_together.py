@@ -31,7 +31,7 @@ def shaken(frames: int, seed: int) -> np.ndarray:
 
 
 def test_motions_of_a_batch_are_what_they_are_alone() -> None:
-    lengths = [50, 31, 50, 1, 50, 2, 31]
+    lengths = [50, 31, 50, 1, 50, 2, 31, 21, 44, 20, 97]
     motions = [Motion(shaken(n, seed), FPS, caption=str(seed)) for seed, n in enumerate(lengths)]
     lying = shaken(50, 9)[..., [0, 2, 1]] * (1, 0.3, 1)
     motions += [Motion(lying, FPS), Motion(shaken(50, 3), 30.0)]

@@ -9,19 +9,15 @@ weighted by length.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.arrays import length, quantile
+from latentmotion.arrays import Lengths, length, quantile, real_frames
 from latentmotion.cleanup.leg_ik import keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.kinematics.skeleton import Skeleton
-
-# Batches of motions, each of a length of its own.
-Parts = Sequence[Float[np.ndarray, "_ _ joints 3"]]
 
 # Rounds of pulls.
 _ROUNDS = 10
@@ -36,55 +32,53 @@ _TRUNK = 0.1
 
 
 def constant_bones(
-    joints: Float[np.ndarray, "frames *batch joints 3"], fps: float, skeleton: Skeleton
+    joints: Float[np.ndarray, "frames *batch joints 3"],
+    fps: float,
+    skeleton: Skeleton,
+    lengths: Lengths = None,
 ) -> Float[np.ndarray, "frames *batch joints 3"]:
-    """Returns joints near the given ones whose bones have the same length in every frame."""
-    part = joints.reshape(len(joints), -1, *joints.shape[-2:])
-    return even_bones([part], fps, skeleton)[0].reshape(joints.shape)
+    """Returns joints near the given ones whose bones have the same length in every frame.
 
-
-def even_bones(parts: Parts, fps: float, skeleton: Skeleton) -> Parts:
-    """Returns what `constant_bones` does for motions of several lengths, faster.
-
-    Frames do not depend on each other while bones pull, so those of all motions pull at once.
+    Args:
+        joints: Positions, meters.
+        fps: Frames per second.
+        skeleton: Says what bones are.
+        lengths: Frames of each motion of a padded batch; padding stays as it is.
     """
+    every = joints.reshape(len(joints), -1, *joints.shape[-2:])
     parents = [0, *skeleton.parents[1:]]
-    spans = [length(part - part[..., parents, :]) for part in parts]
-    medians = [np.broadcast_to(quantile(each, 0.5), each.shape) for each in spans]
+    spans = length(every - every[..., parents, :])
+    medians = np.broadcast_to(quantile(spans, 0.5, lengths), spans.shape)
+    real = np.broadcast_to(real_frames(lengths, len(every)), every.shape[:2])
     # Joints and coordinates first, all frames of all motions last: long rows, which NumPy is quick
     # with where they are rows in memory, too. The root is a bone of length 0.
-    moved, span, lengths = (
-        np.concatenate([x.reshape(-1, len(parents), n) for x in arrays]).transpose(1, 2, 0).copy()
-        for arrays, n in ((parts, 3), (spans, 1), (medians, 1))
+    moved, span, size = (
+        values[real].reshape(-1, len(parents), n).transpose(1, 2, 0).copy()
+        for values, n in ((every, 3), (spans, 1), (medians, 1))
     )
     for ends, shares in _pulls(skeleton.parents):
         places = moved.take(ends, axis=0)
         bones = places[0] - places[1]
-        bones *= 1 - lengths.take(ends[0], axis=0) / np.maximum(_norm(bones), 1e-6)
+        bones *= 1 - size.take(ends[0], axis=0) / np.maximum(_norm(bones), 1e-6)
         places += shares * bones
         moved[ends] = places
     steps = _unit(moved - moved[parents])
     # Bones that had shrunk point where their neighbors in time point.
-    trust = np.minimum(span / np.maximum(_SHRUNK * lengths, 1e-12), 1) ** 2
-    edges = np.cumsum([0, *(len(part) * part.shape[1] for part in parts)]).tolist()
-    for part, rows in zip(parts, map(slice, edges, edges[1:]), strict=False):
-        shrunk = np.flatnonzero(trust[1:, :, rows].min(axis=(1, 2)) < 1) + 1
-        if not len(shrunk):
-            continue
-        share = trust[shrunk, :, rows]
-        trusted = share * steps[shrunk, :, rows]
-        frames_first = np.moveaxis(trusted, -1, 0).reshape(len(part), -1, len(shrunk), 3)
-        around = gaussian(frames_first, _MEMORY * fps).reshape(-1, len(shrunk), 3)
-        around = (1 - share) * _unit(np.moveaxis(around, 0, -1))
-        steps[shrunk, :, rows] = _unit(trusted + around)
-    steps *= lengths
+    trust = np.minimum(span / np.maximum(_SHRUNK * size, 1e-12), 1) ** 2
+    shrunk = np.flatnonzero(trust[1:].min(axis=(1, 2)) < 1) + 1
+    if len(shrunk):
+        share = trust[shrunk]
+        trusted = share * steps[shrunk]
+        around = np.zeros((*real.shape, len(shrunk), 3))
+        around[real] = trusted.transpose(2, 0, 1)
+        around = gaussian(around, _MEMORY * fps, lengths)[real].transpose(1, 2, 0)
+        steps[shrunk] = _unit(trusted + (1 - share) * _unit(around))
+    steps *= size
     for joint, parent in enumerate(parents[1:], start=1):
         np.add(moved[parent], steps[joint], out=moved[joint])
-    even = np.split(moved.transpose(2, 0, 1).copy(), edges[1:-1])
-    return [
-        keep_knee_direction(each.reshape(part.shape), part, skeleton)
-        for each, part in zip(even, parts, strict=True)
-    ]
+    even = every.copy()
+    even[real] = moved.transpose(2, 0, 1)
+    return keep_knee_direction(even, every, skeleton).reshape(joints.shape)
 
 
 @lru_cache(maxsize=16)

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from latentmotion.arrays import dot, length, quantile
+from latentmotion.arrays import Lengths, dot, length, quantile, real_frames
 from latentmotion.kinematics.skeleton import Skeleton
 
 Paths = Float[np.ndarray, "frames feet 3"]
@@ -53,21 +53,24 @@ def foot_contacts(
     fps: float,
     skeleton: Skeleton,
     settings: Contacts = Contacts(),
+    lengths: Lengths = None,
 ) -> Bool[np.ndarray, "frames *batch feet"]:
     """Returns for each joint of the left foot, then of the right, whether it stands."""
     feet = joints[..., [*skeleton.left_foot, *skeleton.right_foot], :]
-    standing_height = quantile(feet[..., 1], 0.05)
+    standing_height = quantile(feet[..., 1], 0.05, lengths)
     left = len(skeleton.left_foot)
     if 2 * left == feet.shape[-2]:  # both sides of a body are alike
         standing_height = np.minimum(standing_height[..., :left], standing_height[..., left:])
         standing_height = np.concatenate([standing_height, standing_height], axis=-1)
     height = feet[..., 1] - np.clip(standing_height, 0, 0.12)
-    moves = velocity(feet, fps)
+    moves = velocity(feet, fps, lengths)
     across, climb = length(moves[..., ::2]), np.abs(moves[..., 1])
     limits = (settings.height, settings.speed, settings.climb)
     begins, lasts = (
         (height < limits[0][n]) & (across < limits[1][n]) & (climb < limits[2][n]) for n in (0, 1)
     )
+    if lengths is not None:
+        lasts &= real_frames(lengths, len(joints))[..., None]
     # Contacts are where they last, as long as they begin somewhere; none and no gap is short.
     shortest, shape = max(1, round(settings.shortest * fps)), lasts.shape
     begins, lasts = (flags.reshape(len(flags), -1) for flags in (begins, lasts))
@@ -209,6 +212,7 @@ def foot_stances(
     standing: Bool[np.ndarray, "frames feet pivots"],
     fps: float,
     landing: float,
+    lengths: Lengths = None,
 ) -> tuple[Paths, FootStances]:
     """Returns how feet slide, and when they stand.
 
@@ -217,6 +221,7 @@ def foot_stances(
         standing: Whether each of them has contact.
         fps: Frames per second.
         landing: Meters per second above which a foot that comes down or takes off does not stand.
+        lengths: Frames of each foot's motion, where there is padding.
 
     Returns:
         Paths of the joints that carry the weight, up to a constant in each contact, y being 0; and
@@ -229,14 +234,15 @@ def foot_stances(
     steps = np.diff(pivots, axis=0)[np.arange(frames - 1)[:, None], np.arange(feet), carries]
     path = np.zeros((frames, feet, 3))
     np.cumsum(steps * (1, 0, 1), axis=0, out=path[1:])
-    speed = length(velocity(path, fps))
+    speed = length(velocity(path, fps, lengths))
     # Contacts lose their fast ends, except where the motion itself begins or stops.
     most, phases, fast = round(_ENDS * fps), [], (speed > landing).T.tolist()
+    stops = [frames] * feet if lengths is None else lengths.tolist()
     for foot, start, end in contact_phases(np.asarray(standing.any(axis=-1))).tolist():
         first, last = start, end
         while start > 0 and first < min(start + most, end) and fast[foot][first]:
             first += 1
-        while end < frames and last > max(end - most, first) and fast[foot][last - 1]:
+        while end < stops[foot] and last > max(end - most, first) and fast[foot][last - 1]:
             last -= 1
         if last - first > 1:
             phases.append((foot, first, last))
@@ -244,13 +250,18 @@ def foot_stances(
 
 
 def velocity(
-    points: Float[np.ndarray, "frames ..."], fps: float
+    points: Float[np.ndarray, "frames ..."], fps: float, lengths: Lengths = None
 ) -> Float[np.ndarray, "frames ..."]:
     """Returns central differences, meters per second; zero for a single frame."""
     moved = np.zeros(points.shape)
     if len(points) > 1:
         moved[1:-1] = 0.5 * (points[2:] - points[:-2])
         moved[0], moved[-1] = points[1] - points[0], points[-1] - points[-2]
+        if lengths is not None:
+            motions = np.arange(len(lengths))
+            moved[lengths - 1, motions] = (
+                points[lengths - 1, motions] - points[lengths - 2, motions]
+            )
     return fps * moved
 
 

@@ -24,7 +24,17 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.arrays import cross, dot, length, quantile, running_maximum, unit
+from latentmotion.arrays import (
+    Lengths,
+    cross,
+    dot,
+    held,
+    length,
+    quantile,
+    real_frames,
+    running_maximum,
+    unit,
+)
 from latentmotion.cleanup.contacts import ramp, velocity
 from latentmotion.cleanup.leg_ik import find_legs, reach
 from latentmotion.cleanup.smoothing import gaussian, quintic, upper_envelope
@@ -59,6 +69,7 @@ def align_floor(
     skeleton: Skeleton,
     settings: Floor = Floor(),
     on_floor: Bool[np.ndarray, "*batch"] = np.array(False),  # noqa: B008
+    lengths: Lengths = None,
 ) -> Float[np.ndarray, "frames *batch joints 3"]:
     """Returns the joints, whole poses moved up or down so that they stand or lie on height 0.
 
@@ -68,16 +79,19 @@ def align_floor(
         skeleton: Names feet and hands.
         settings: Settings of the floor's height.
         on_floor: Of which motions it is known that they stand on nothing above the floor.
+        lengths: Frames of each motion of a padded batch.
     """
     feet = [*skeleton.left_foot, *skeleton.right_foot]
     hands = [joint for arm in find_arms(skeleton) for joint in arm[2:]]
     body = [joint for joint in range(len(skeleton)) if joint not in (*feet, *hands)]
-    moved = joints.copy()
+    moved = held(joints, lengths)
     low, high = settings.lying
     if feet:  # 1. one number, the height under standing feet
         lowest = moved[..., feet, 1].min(axis=-1)
         stands = moved[..., 0, 1] - lowest > high
-        stands &= np.abs(velocity(lowest, fps)) < 0.1
+        stands &= np.abs(velocity(lowest, fps, lengths)) < 0.1
+        if lengths is not None:
+            stands &= real_frames(lengths, len(moved))
         columns = zip(
             lowest.reshape(len(lowest), -1).T, stands.reshape(len(lowest), -1).T, strict=True
         )
@@ -100,21 +114,21 @@ def align_floor(
     # One who hardly moves is not jumping, however short it is.
     stands_on = climbed * ramp(heights, *settings.step)
     hangs = (1 - lies) * (1 - stands_on) * np.maximum(0, heights - settings.tolerance)
-    hover = np.maximum(hover, np.where(_still(moved[..., 0, :], fps), hangs, 0))
+    hover = np.maximum(hover, np.where(_still(moved[..., 0, :], fps, lengths), hangs, 0))
     # Nor is one who is up for longer, however high; a pelvis may rise and fall meanwhile.
     aloft = on_floor * (1 - lies) * np.maximum(0, heights - settings.tolerance)
-    hover = np.maximum(hover, np.where(_lasting(aloft > 0, 2 * reach + 1), aloft, 0))
+    hover = np.maximum(hover, np.where(_lasting(aloft > 0, 2 * reach + 1, lengths), aloft, 0))
     if hover.any():
         # What is smooth lacks the tops of what is not; a second pass has most of them.
-        down = gaussian(hover, 0.2 * fps)
-        down += gaussian(np.maximum(0, hover - down), 0.2 * fps)
+        down = gaussian(hover, 0.2 * fps, lengths)
+        down += gaussian(np.maximum(0, hover - down), 0.2 * fps, lengths)
         moved[..., 1] -= np.maximum(0, down)[..., None]
     # 3. What is below the floor is lifted.
     below = np.maximum(0, -moved[..., body, 1].min(axis=-1))
     if feet:
         below = np.maximum(below, -settings.sink - moved[..., feet, 1].min(axis=-1))
-    moved[..., 1] += upper_envelope(below, max(1, round(0.2 * fps)))[..., None]
-    return lift_hands(moved, fps, skeleton)
+    moved[..., 1] += upper_envelope(below, max(1, round(0.2 * fps)), lengths)[..., None]
+    return lift_hands(moved, fps, skeleton, lengths)
 
 
 # Meters per second of a root that neither travels, nor rises or falls; seconds that it lasts at
@@ -123,20 +137,22 @@ _CALM, _LEVEL_SPEED, _HANGING = 0.3, 0.1, 0.25
 
 
 def _still(
-    root: Float[np.ndarray, "frames *batch 3"], fps: float
+    root: Float[np.ndarray, "frames *batch 3"], fps: float, lengths: Lengths
 ) -> Bool[np.ndarray, frames * batch]:
     """Returns whether the root hardly moves, for longer than at the top of a jump."""
-    speed = velocity(root, fps)
+    speed = velocity(root, fps, lengths)
     calm = (length(speed) < _CALM) & (np.abs(speed[..., 1]) < _LEVEL_SPEED)
-    return _lasting(calm, max(1, round(_HANGING * fps)))
+    return _lasting(calm, max(1, round(_HANGING * fps)), lengths)
 
 
 def _lasting(
-    flags: Bool[np.ndarray, frames * batch], width: int
+    flags: Bool[np.ndarray, frames * batch], width: int, lengths: Lengths
 ) -> Bool[np.ndarray, frames * batch]:
     """Returns what is true for some frames in a row at least."""
     if len(flags) < width:
         return np.zeros(flags.shape, bool)
+    if lengths is not None:
+        flags = flags & real_frames(lengths, len(flags))
     whole = ~running_maximum(~flags, width)
     padding = np.zeros((width - 1, *flags.shape[1:]), bool)
     return running_maximum(np.concatenate([padding, whole, padding]), width)
@@ -152,7 +168,10 @@ def find_arms(skeleton: Skeleton) -> tuple[tuple[int, int, int], ...]:
 
 
 def lift_hands(
-    joints: Float[np.ndarray, "frames *batch joints 3"], fps: float, skeleton: Skeleton
+    joints: Float[np.ndarray, "frames *batch joints 3"],
+    fps: float,
+    skeleton: Skeleton,
+    lengths: Lengths = None,
 ) -> Float[np.ndarray, "frames *batch joints 3"]:
     """Returns the joints with no wrist below the floor at height 0."""
     arms = np.array(find_arms(skeleton), int).reshape(-1, 3)
@@ -161,7 +180,7 @@ def lift_hands(
     moved = joints.copy()
     if not below.any():
         return moved
-    up = upper_envelope(below, max(1, round(0.1 * fps)))[..., None]
+    up = upper_envelope(below, max(1, round(0.1 * fps)), lengths)[..., None]
     between = shoulder.mean(axis=-2, keepdims=True)
     outward = elbow - (shoulder + wrist) / 2 + 0.1 * (shoulder - between)
     new = reach(shoulder, elbow, wrist, wrist + up * (0, 1, 0), outward)
@@ -262,7 +281,10 @@ _SOLE, _RAISED = 0.015, (0.1, 0.15)
 
 
 def hold_seats(
-    joints: Float[np.ndarray, "frames motions joints 3"], fps: float, skeleton: Skeleton
+    joints: Float[np.ndarray, "frames motions joints 3"],
+    fps: float,
+    skeleton: Skeleton,
+    lengths: Lengths = None,
 ) -> Float[np.ndarray, "frames motions joints 3"]:
     """Returns the joints with sitters that do not sink.
 
@@ -270,11 +292,12 @@ def hold_seats(
         joints: Positions, meters, the floor at height 0.
         fps: Frames per second.
         skeleton: Says what legs are.
+        lengths: Frames of each motion of a padded batch.
     """
     legs = find_legs(skeleton)
     if len(legs) < 2 or len(joints) < _SHORTEST * fps:
         return joints
-    (begins, lasts), height = _seated(joints, fps, skeleton), joints[:, :, 0, 1]
+    (begins, lasts), height = _seated(joints, fps, skeleton, lengths), joints[:, :, 0, 1]
     if not begins.any():
         return joints
     shift, frames = np.zeros(height.shape), np.arange(len(joints), dtype=float)
@@ -301,7 +324,7 @@ def hold_seats(
         ahead = cross(across, hip - ankle)
         sole = joints[:, :, list(leg.pivots), 1].min(axis=-1)
         hover = np.maximum(0, sole - _SOLE) * (1 - ramp(sole, *_RAISED))
-        down = np.array([0.0, 1.0, 0.0]) * (sits * gaussian(hover, 0.1 * fps))[..., None]
+        down = np.array([0.0, 1.0, 0.0]) * (sits * gaussian(hover, 0.1 * fps, lengths))[..., None]
         knee, tip = reach(hip, moved[:, :, leg.knee], ankle + up, ankle - down, ahead)
         moved[:, :, leg.knee], moved[:, :, leg.ankle] = knee, tip
         moved[:, :, list(leg.below)] += (tip - ankle)[:, :, None]
@@ -309,7 +332,10 @@ def hold_seats(
 
 
 def _seated(
-    joints: Float[np.ndarray, "frames motions joints 3"], fps: float, skeleton: Skeleton
+    joints: Float[np.ndarray, "frames motions joints 3"],
+    fps: float,
+    skeleton: Skeleton,
+    lengths: Lengths,
 ) -> tuple[Bool[np.ndarray, "frames motions"], Bool[np.ndarray, "frames motions"]]:
     """Returns whether somebody surely sits on something higher than the floor, and may still."""
     legs, pelvis = find_legs(skeleton), joints[:, :, 0]
@@ -317,10 +343,10 @@ def _seated(
         joints[:, :, [getattr(leg, name) for leg in legs]] for name in ("hip", "knee", "ankle")
     )
     thighs, shanks = hips - knees, knees - ankles
-    lengths = [length(bone) for bone in (thighs, shanks)]
-    leg = np.maximum((lengths[0] + lengths[1]).mean(axis=-1), 1e-6)
-    rise = (thighs[..., 1] / np.maximum(lengths[0], 1e-6)).max(axis=-1)
-    upright = (shanks[..., 1] / np.maximum(lengths[1], 1e-6)).min(axis=-1)
+    thigh, shank = length(thighs), length(shanks)
+    leg = np.maximum((thigh + shank).mean(axis=-1), 1e-6)
+    rise = (thighs[..., 1] / np.maximum(thigh, 1e-6)).max(axis=-1)
+    upright = (shanks[..., 1] / np.maximum(shank, 1e-6)).min(axis=-1)
     trunk = np.ones(upright.shape)
     if "neck" in skeleton.names:
         trunk = unit(joints[:, :, skeleton.names.index("neck")] - pelvis)[..., 1]
@@ -328,7 +354,7 @@ def _seated(
     ahead = cross(across, np.array([0.0, 1.0, 0.0]))
     feet = dot(ankles.mean(axis=2) - pelvis, ahead) / leg
     height = pelvis[..., 1] / leg
-    climb = np.gradient(pelvis[..., 1], axis=0) * fps
+    climb = velocity(pelvis[..., 1], fps, lengths)
     begins, lasts = (
         (height > _LOW[n][0])
         & (height < _LOW[n][1])
@@ -339,4 +365,5 @@ def _seated(
         for n in (0, 1)
     )
     still = (np.abs(climb) < _SLOW[0]) & (trunk > _UPRIGHT[0])
+    lasts &= real_frames(lengths, len(joints))
     return begins & lasts & still, lasts

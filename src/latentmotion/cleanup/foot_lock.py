@@ -32,7 +32,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.arrays import cross, dot, length
+from latentmotion.arrays import Lengths, cross, dot, length, real_frames
 from latentmotion.cleanup.contacts import FootStances, Paths, Phase, foot_stances, ramp, velocity
 from latentmotion.cleanup.leg_ik import Leg, find_legs, keep_knee_direction, reach
 from latentmotion.cleanup.smoothing import upper_envelope
@@ -82,6 +82,7 @@ def lock_feet(
     fps: float,
     skeleton: Skeleton,
     settings: FootLock,
+    lengths: Lengths = None,
 ) -> Float[np.ndarray, "frames *batch joints 3"]:
     """Returns the joints with feet that do not slide while they have contact.
 
@@ -91,6 +92,7 @@ def lock_feet(
         fps: Frames per second.
         skeleton: The skeleton; it has at least one leg.
         settings: Settings of foot locks.
+        lengths: Frames of each motion of a padded batch.
     """
     legs, order = find_legs(skeleton), [*skeleton.left_foot, *skeleton.right_foot]
     # A foot with fewer joints than the other has its first one twice, which changes nothing.
@@ -101,22 +103,28 @@ def lock_feet(
     shape = (len(joints), every.shape[1] * len(legs), most)
     standing = contacts.reshape(*every.shape[:2], -1)[..., columns].reshape(shape)
     touching = every[:, :, pivots].reshape(*shape, 3)
-    path, stances = foot_stances(touching, standing, fps, settings.landing)
+    of_feet = None if lengths is None else np.repeat(lengths, len(legs))
+    path, stances = foot_stances(touching, standing, fps, settings.landing, of_feet)
     pause = max(1, round(0.75 * settings.blend * fps))  # frames that a step takes
     stances = stances.broken_at_jumps(path, pause)
     path = stances.eased(path, settings.rest, settings.far)
-    root = drift_correction(path, stances, len(legs), _SWAY * fps, settings.stay)
+    root = drift_correction(path, stances, len(legs), _SWAY * fps, settings.stay, lengths)
     carried, drift = every + root[:, :, None], np.repeat(root, len(legs), axis=1)
     touching, path = touching + drift[:, :, None], path + drift
     stances = stances.broken_at_slips(path, settings.slip, pause)
-    shifts = foot_shifts(touching, path, stances, fps, settings)
+    shifts = foot_shifts(touching, path, stances, fps, settings, of_feet)
     shifts = shifts.reshape(*every.shape[:2], len(legs), 3)
-    moved = _posed(carried, legs, shifts, fps, settings).reshape(joints.shape)
+    moved = _posed(carried, legs, shifts, fps, settings, lengths).reshape(joints.shape)
     return keep_knee_direction(moved, joints, skeleton)
 
 
 def _posed(
-    joints: Joints, legs: Sequence[Leg], shifts: Shifts, fps: float, settings: FootLock
+    joints: Joints,
+    legs: Sequence[Leg],
+    shifts: Shifts,
+    fps: float,
+    settings: FootLock,
+    lengths: Lengths,
 ) -> Joints:
     """Returns the joints with each foot shifted, the pelvis lowered where it must be."""
     hips, knees, ankles, toes = np.array(
@@ -130,7 +138,7 @@ def _posed(
     longest = np.maximum(_LOWERED * whole, before)
     height = np.sqrt(np.maximum(longest**2 - dot(line[..., ::2], line[..., ::2]), 0))
     need = np.clip((-line[..., 1] - height).max(axis=-1), 0, settings.lower)
-    down = upper_envelope(need, max(1, round(0.15 * fps)))[..., None]
+    down = upper_envelope(need, max(1, round(0.15 * fps)), lengths)[..., None]
     moved[..., 1] -= down
     for joint in (hip, knee, ankle):
         joint[..., 1] -= down
@@ -156,7 +164,12 @@ def _posed(
 
 
 def drift_correction(
-    path: Paths, stances: FootStances, legs: int, deviation: float, stay: float
+    path: Paths,
+    stances: FootStances,
+    legs: int,
+    deviation: float,
+    stay: float,
+    lengths: Lengths = None,
 ) -> Float[np.ndarray, "frames motions 3"]:
     """Returns the correction of roots in each frame for which planted feet slide least.
 
@@ -166,6 +179,7 @@ def drift_correction(
         legs: Feet of one motion.
         deviation: Standard deviation of the Gaussian g, frames.
         stay: a: the larger, the less the body moves.
+        lengths: Frames of each motion of a padded batch.
     """
     frames, motions = len(path), path.shape[1] // legs
     correction = np.zeros((frames, motions, 3))
@@ -175,13 +189,14 @@ def drift_correction(
     window = np.exp(-0.5 * (np.arange(-width, width + 1) / deviation) ** 2)
     window = window / window.sum()
     frame, motion = stances.at[0], stances.at[1] // legs
-    place = motion * frames + frame
+    place, real = motion * frames + frame, real_frames(lengths, frames).T
 
     # Values are along x and z, of motion after motion, frame after frame.
     def spread(values: np.ndarray) -> np.ndarray:
         apart = np.zeros((2, motions, frames + width))
         apart[..., :frames] = values
-        return np.convolve(apart.ravel(), window, "same").reshape(apart.shape)[..., :frames]
+        spread = np.convolve(apart.ravel(), window, "same").reshape(apart.shape)
+        return spread[..., :frames] * real
 
     def pulls(standing: Float[np.ndarray, "standing 2"]) -> np.ndarray:
         off_center = stances.weight[:, None] * (standing - stances.mean(standing))
@@ -213,6 +228,7 @@ def foot_shifts(
     stances: FootStances,
     fps: float,
     settings: FootLock,
+    lengths: Lengths = None,
 ) -> Paths:
     """Returns the vectors from where feet are to where they should be.
 
@@ -222,13 +238,14 @@ def foot_shifts(
         stances: When they stand.
         fps: Frames per second.
         settings: Settings of foot locks.
+        lengths: Frames of each foot's motion, where there is padding.
     """
     shift, standing = np.zeros(path.shape), path[stances.at]
     shift[stances.at] = stances.mean(standing) - standing
-    _bridge(shift, stances.phases, max(1, round(settings.blend * fps)))
+    _bridge(shift, stances.phases, max(1, round(settings.blend * fps)), lengths)
     # The foot is raised so that it is not below the floor, and steps over it.
     points = np.concatenate([shift[:, :, None], pivots + shift[:, :, None]], axis=2)
-    speed = length(velocity(points, fps)[..., ::2])
+    speed = length(velocity(points, fps, lengths)[..., ::2])
     height = np.maximum(
         settings.step * ramp(speed[..., :1], 0.2, 0.6),
         settings.clearance * ramp(speed[..., 1:], 0.4, 0.8),
@@ -241,11 +258,11 @@ def foot_shifts(
     distance = np.minimum(frames - last, following - frames)
     height = height * ramp(distance, 0.0, 0.15 * fps)[..., None]
     need = np.maximum(0, height - pivots[..., 1]).max(axis=-1)
-    shift[..., 1] += upper_envelope(need, max(1, round(0.1 * fps)))
+    shift[..., 1] += upper_envelope(need, max(1, round(0.1 * fps)), lengths)
     return shift
 
 
-def _bridge(shift: Paths, phases: Sequence[Phase], blend: int) -> None:
+def _bridge(shift: Paths, phases: Sequence[Phase], blend: int, lengths: Lengths) -> None:
     """Fills gaps in place: from one contact's shift to the next's, or to zero in between.
 
     Each curve is a cubic between two knots, themselves left out (Hermite). A knot is the end of a
@@ -262,7 +279,7 @@ def _bridge(shift: Paths, phases: Sequence[Phase], blend: int) -> None:
         if after:
             curves.append((after[0], right - blend, False, right, True))
     foot, start, from_contact, end, to_contact = np.array(curves, int).reshape(-1, 5).T
-    last = len(shift) - 1
+    last = len(shift) - 1 if lengths is None else lengths[foot] - 1
     # Where a contact ends and just before, where one begins and just after.
     knots = np.array([start, start - 1, end, end + 1]).clip(0, last)
     real = np.array([from_contact, from_contact, to_contact, to_contact])

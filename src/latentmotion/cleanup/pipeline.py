@@ -8,13 +8,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from itertools import groupby
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from latentmotion.arrays import length
-from latentmotion.cleanup.bones import even_bones
+from latentmotion.arrays import Lengths, length
+from latentmotion.cleanup.bones import constant_bones
 from latentmotion.cleanup.contacts import Contacts, foot_contacts
 from latentmotion.cleanup.exact import as_many_as_fit, exact_turns
 from latentmotion.cleanup.floor import Floor, align_floor, hold_seats
@@ -26,7 +25,7 @@ from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.language.claims import NO_CORRECTIONS, Corrections
-from latentmotion.motion import Motion, alike
+from latentmotion.motion import Motion
 from latentmotion.progress import counted
 
 Joints = Float[np.ndarray, "frames motions joints 3"]
@@ -48,8 +47,11 @@ class CleanUpWarning(UserWarning):
 # Meters that a joint may move for constant bone lengths without a warning.
 _FAR = 0.25
 
-# Lengths of motions whose bones are worked on together at most, which bounds memory.
-_GROUPS = 32
+# Motions that are cleaned up together at most, which bounds memory.
+_TOGETHER = 32
+
+# Seconds that Gaussians reach at most, 0.75; that of `smooth` is 0.56 over its cutoff in hertz.
+_REACH = 1.0
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,7 @@ def clean_batch(
     steps: CleanUp = USUAL,
     corrections: Sequence[Corrections] | None = None,
 ) -> list[Motion]:
-    """Returns the motions cleaned up, each as it would be alone; those of one length together.
+    """Returns the motions cleaned up, each as it would be alone, padded to one length.
 
     Args:
         motions: The motions.
@@ -180,38 +182,53 @@ def _enlivened(motion: Motion, correction: Corrections, steps: CleanUp) -> Motio
 def _clean_alike(
     motions: Sequence[Motion], steps: CleanUp, corrections: Sequence[Corrections]
 ) -> list[Motion]:
-    """Cleans motions up, those of one length together, and the bones of all lengths together."""
+    """Cleans motions up, padded to one length."""
     cleaned = list(motions)
-
-    def kind(numbered: tuple[int, list[int]]) -> tuple[int, float, Skeleton]:
-        first = motions[numbered[1][0]]
-        return numbered[0] // _GROUPS, first.fps, first.skeleton
-
-    for (_, fps, skeleton), members in groupby(enumerate(alike(motions)), kind):
-        groups, parts, turned_by = [numbers for _, numbers in members], [], []
-        for numbers in groups:
-            joints = np.stack([motions[n].joints for n in numbers], axis=1).astype(np.float64)
-            turns = [corrections[n].turn if steps.exact_turn else None for n in numbers]
-            turned_before: list[float | None] = [None] * len(numbers)
-            if any(turns):
-                joints, turned_before = exact_turns(joints, fps, skeleton, turns)
-            if steps.smooth:
-                joints = keep_knee_direction(steadied(joints, fps, steps.cutoff), joints, skeleton)
-            parts.append(joints)
-            turned_by.append(turned_before)
-        even = even_bones(parts, fps, skeleton) if steps.bones else parts
-        every = zip(groups, parts, even, turned_by, strict=True)
-        for numbers, before, joints, turned in counted(list(every), "cleaning up"):
-            batch = [motions[n] for n in numbers]
+    for numbers in counted(_groups(motions, steps.cutoff), "cleaning up"):
+        batch = [motions[n] for n in numbers]
+        counts, fps, skeleton = [*map(len, batch)], batch[0].fps, batch[0].skeleton
+        lengths = np.array(counts) if counts[0] < counts[-1] else None
+        joints = np.zeros((counts[-1], len(batch), len(skeleton), 3))
+        turned: list[float | None] = [None] * len(batch)
+        for column, (motion, count) in enumerate(zip(batch, counts, strict=True)):
+            joints[:count, column], joints[count:, column] = motion.joints, motion.joints[-1]
+            turn = corrections[numbers[column]].turn if steps.exact_turn else None
+            if turn is not None:
+                track = joints[:count, column : column + 1]
+                track[:], (turned[column],) = exact_turns(track, fps, skeleton, [turn])
+        if steps.smooth:
+            steady = steadied(joints, fps, steps.cutoff, lengths)
+            joints = keep_knee_direction(steady, joints, skeleton)
+        if steps.bones:
+            before, joints = joints, constant_bones(joints, fps, skeleton, lengths)
             _warn_of_far(before, joints, batch)
-            on_floor = np.array([corrections[n].on_floor for n in numbers])
-            joints = _grounded(joints, batch, steps, on_floor).astype(np.float32)
-            for column, (number, degrees) in enumerate(zip(numbers, turned, strict=True)):
-                about, turn = dict(motions[number].metadata), corrections[number].turn
-                if turn is not None and degrees is not None:
-                    about["turn"] = {**asdict(turn), "made": round(degrees, 1)}
-                cleaned[number] = replace(motions[number], joints=joints[:, column], metadata=about)
+        on_floor = np.array([corrections[n].on_floor for n in numbers])
+        joints = _grounded(joints, batch, steps, on_floor, lengths).astype(np.float32)
+        for column, (number, degrees) in enumerate(zip(numbers, turned, strict=True)):
+            about, turn = dict(motions[number].metadata), corrections[number].turn
+            if turn is not None and degrees is not None:
+                about["turn"] = {**asdict(turn), "made": round(degrees, 1)}
+            after = joints[: counts[column], column]
+            cleaned[number] = replace(motions[number], joints=after, metadata=about)
     return cleaned
+
+
+def _groups(motions: Sequence[Motion], cutoff: float) -> list[list[int]]:
+    """Returns which motions are padded to one length, the shortest of each first.
+
+    Those shorter than what a Gaussian reaches are with their like, since it reaches less there.
+    """
+    groups: dict[tuple[int, float, Skeleton], list[int]] = {}
+    for number in sorted(range(len(motions)), key=lambda number: len(motions[number])):
+        motion = motions[number]
+        short = len(motion) <= motion.fps * max(_REACH, _REACH / cutoff)
+        kind = len(motion) if short else 0, motion.fps, motion.skeleton
+        groups.setdefault(kind, []).append(number)
+    return [
+        every[first : first + _TOGETHER]
+        for every in groups.values()
+        for first in range(0, len(every), _TOGETHER)
+    ]
 
 
 def _warn_of_far(before: Joints, joints: Joints, motions: Sequence[Motion]) -> None:
@@ -237,17 +254,18 @@ def _grounded(
     motions: Sequence[Motion],
     steps: CleanUp,
     on_floor: Bool[np.ndarray, " motions"],
+    lengths: Lengths,
 ) -> Joints:
     """Puts figures on the floor, and holds their seats and feet."""
     fps, skeleton = motions[0].fps, motions[0].skeleton
     if steps.floor:
-        joints = align_floor(joints, fps, skeleton, steps.ground, on_floor)
+        joints = align_floor(joints, fps, skeleton, steps.ground, on_floor, lengths)
     if steps.seats:
-        joints = hold_seats(joints, fps, skeleton)
+        joints = hold_seats(joints, fps, skeleton, lengths)
     if steps.feet:
         if find_legs(skeleton):
-            contacts = foot_contacts(joints, fps, skeleton, steps.contacts)
-            joints = lock_feet(joints, contacts, fps, skeleton, steps.lock)
+            contacts = foot_contacts(joints, fps, skeleton, steps.contacts, lengths)
+            joints = lock_feet(joints, contacts, fps, skeleton, steps.lock, lengths)
         else:
             warnings.warn(
                 f"{_named(motions[0])}skeleton {skeleton.name!r} names no feet below hip and knee; "
@@ -255,11 +273,16 @@ def _grounded(
                 CleanUpWarning,
                 stacklevel=4,
             )
-    return in_place(joints, fps) if steps.in_place else joints
+    if steps.in_place:
+        joints = joints - ground_path(joints, fps, lengths=lengths)[..., None, :]
+    return joints
 
 
 def ground_path(
-    joints: Float[np.ndarray, "frames *batch joints 3"], fps: float, seconds: float = 0.25
+    joints: Float[np.ndarray, "frames *batch joints 3"],
+    fps: float,
+    seconds: float = 0.25,
+    lengths: Lengths = None,
 ) -> Float[np.ndarray, "frames *batch 3"]:
     """Returns the root trajectory along the floor, without the sway of its steps.
 
@@ -267,8 +290,9 @@ def ground_path(
         joints: Positions, meters, y up; joint 0 is the root.
         fps: Frames per second.
         seconds: Standard deviation of the Gaussian that removes the sway; 0 keeps it.
+        lengths: Frames of each motion of a padded batch.
     """
-    return gaussian(joints[..., 0, :] * (1, 0, 1), seconds * fps)
+    return gaussian(joints[..., 0, :] * (1, 0, 1), seconds * fps, lengths)
 
 
 def in_place(

@@ -41,7 +41,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.arrays import dot, length, running_maximum
+from latentmotion.arrays import Lengths, dot, held, length, running_maximum
 from latentmotion.cleanup.contacts import ramp, velocity
 from latentmotion.kinematics.plausibility import unfinished
 from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
@@ -51,7 +51,7 @@ Joints = Float[np.ndarray, "frames joints 3"]
 
 
 def smooth(
-    values: Float[np.ndarray, "frames ..."], fps: float, cutoff: float
+    values: Float[np.ndarray, "frames ..."], fps: float, cutoff: float, lengths: Lengths = None
 ) -> Float[np.ndarray, "frames ..."]:
     """Smooths along the first axis.
 
@@ -59,10 +59,11 @@ def smooth(
         values: Positions, or any other smooth quantity.
         fps: Frames per second.
         cutoff: Frequency, hertz, that keeps three quarters of its amplitude.
+        lengths: As for `gaussian`.
     """
     deviation = np.sqrt(np.log(2) / 2) / np.pi * fps / cutoff
-    once = gaussian(values, deviation)
-    return 2 * once - gaussian(once, deviation)
+    once = gaussian(values, deviation, lengths)
+    return 2 * once - gaussian(once, deviation, lengths)
 
 
 # Meters above the cutoff, median of frames and joints, from which a motion shakes a little, and
@@ -72,7 +73,10 @@ _SHAKING = (0.0015, 0.0025)
 
 
 def steadied(
-    joints: Float[np.ndarray, "frames motions joints 3"], fps: float, cutoff: float
+    joints: Float[np.ndarray, "frames motions joints 3"],
+    fps: float,
+    cutoff: float,
+    lengths: Lengths = None,
 ) -> Float[np.ndarray, "frames motions joints 3"]:
     """Smooths motions as far as they shake.
 
@@ -80,9 +84,12 @@ def steadied(
         joints: Positions, meters.
         fps: Frames per second.
         cutoff: Hertz, as for `smooth`.
+        lengths: As for `gaussian`.
     """
-    shaking = joints - smooth(joints, fps, cutoff)
-    level = np.median(length(shaking), axis=(0, 2))
+    shaking = joints - smooth(joints, fps, cutoff, lengths)
+    sizes, counts = length(shaking), [len(joints)] * joints.shape[1]
+    counts = counts if lengths is None else lengths.tolist()
+    level = np.array([np.median(sizes[:count, n]) for n, count in enumerate(counts)])
     low, high = _SHAKING
     share = np.clip((level - low) / (high - low), 0, 1)
     return joints - share[:, None, None] * shaking if share.any() else joints
@@ -108,13 +115,14 @@ def sharpened(joints: Joints, fps: float) -> Joints:
 
 
 def gaussian(
-    values: Float[np.ndarray, "frames ..."], deviation: float
+    values: Float[np.ndarray, "frames ..."], deviation: float, lengths: Lengths = None
 ) -> Float[np.ndarray, "frames ..."]:
     """Returns Gaussian means along the first axis, both ends unchanged.
 
     Args:
         values: One row per frame.
         deviation: Standard deviation of the Gaussian, frames.
+        lengths: Frames of each motion of a padded batch, more than three deviations.
     """
     reach = min(int(np.ceil(3 * deviation)), len(values) - 1)
     weights = np.exp(-0.5 * (np.arange(reach + 1) / max(deviation, 1e-9)) ** 2)
@@ -122,6 +130,10 @@ def gaussian(
     before = 2 * values[:1] - values[reach:0:-1]
     after = 2 * values[-1:] - values[-2 : -2 - reach : -1]
     padded, count = np.concatenate([before, values, after]), len(values)
+    for motion, end in enumerate(() if lengths is None else lengths.tolist()):
+        whole = values[:end, motion]
+        beyond = padded[reach + end : 2 * reach + end, motion]
+        beyond[:] = 2 * whole[-1:] - whole[-2 : -2 - reach : -1]
     means = weights[0] * values
     for n in range(1, reach + 1):
         both = padded[reach - n : reach - n + count] + padded[reach + n : reach + n + count]
@@ -130,18 +142,19 @@ def gaussian(
 
 
 def upper_envelope(
-    values: Float[np.ndarray, "frames ..."], reach: int
+    values: Float[np.ndarray, "frames ..."], reach: int, lengths: Lengths = None
 ) -> Float[np.ndarray, "frames ..."]:
     """Returns a smooth curve that is nowhere below `values`: moving maximum, then moving mean.
 
     Args:
         values: One row per frame.
         reach: Frames to either side that a peak is spread over, twice.
+        lengths: Frames of each motion of a padded batch.
     """
     if not values.any():  # as it is mostly: nothing below the floor, no leg too short
         return np.zeros(values.shape)
     last, width = len(values) - 1, 2 * reach + 1
-    padded = values[np.clip(np.arange(-2 * reach, last + 2 * reach + 1), 0, last)]
+    padded = held(values, lengths)[np.clip(np.arange(-2 * reach, last + 2 * reach + 1), 0, last)]
     peaks = running_maximum(padded, width)
     weights = np.hanning(width + 2)[1:-1]
     windows = np.lib.stride_tricks.sliding_window_view(peaks, width, axis=0)
