@@ -10,7 +10,7 @@ way, in proportion to how fast it does, and the path bends with it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -64,10 +64,11 @@ _OTHER = 4
 
 
 def exact_count(
-    motion: Motion, cleaned: Motion, asked: Count, clean: Callable[[Motion], Motion]
-) -> Motion:
+    motion: Motion, cleaned: Motion, asked: Count
+) -> Generator[Motion, Motion | None, Motion]:
     """Returns a motion that does an act as often as asked, cleaned up.
 
+    Yields candidates and is sent each cleaned up, so that those of several motions can be together.
     It stays as it is where it does not do the act at all, where no two poses are near enough or
     the seam would not be smooth, and where it would get longer than the longest motion.
 
@@ -75,7 +76,6 @@ def exact_count(
         motion: The motion before it was cleaned up.
         cleaned: The motion, cleaned up.
         asked: What it should do.
-        clean: Cleans a motion up.
     """
     fps, skeleton = HUMANML3D_FEATURES.fps, HUMANML3D_FEATURES.skeleton
     if (motion.skeleton.names, motion.fps) != (skeleton.names, fps) or len(motion) < _FRAMES[0]:
@@ -95,7 +95,8 @@ def exact_count(
             seams.append(len(spliced) - 1)
             piece = raw[first : last + 1]
             spliced = splice(spliced, piece, _TRANSITION, HUMANML3D_FEATURES, fitted=False)
-        candidate = clean(replace(motion, joints=spliced.astype(np.float32)))
+        candidate = yield replace(motion, joints=spliced.astype(np.float32))
+        assert candidate is not None
         joints = candidate.joints.astype(np.float64)
         fits = [seam_of(joints, seam, fps, skeleton, round(_TRANSITION * fps)) for seam in seams]
         if not all(fit.slide <= _SLIDE and fit.jerk <= _JERK for fit in fits):
@@ -108,20 +109,19 @@ def exact_count(
 
 
 def as_many_as_fit(
-    motion: Motion, cleaned: Motion, asked: Count, clean: Callable[[Motion], Motion]
-) -> tuple[Motion, int]:
+    motion: Motion, cleaned: Motion, asked: Count
+) -> Generator[Motion, Motion | None, tuple[Motion, int]]:
     """Returns a motion with an exact count, or as near to it as the longest motion can be.
 
     Args:
         motion: As for `exact_count`; so are all further arguments.
         cleaned: The motion, cleaned up.
         asked: What it should do.
-        clean: Cleans a motion up.
 
     Returns:
         The motion, and how many repetitions fit, zero where as many as are asked for would.
     """
-    exact = exact_count(motion, cleaned, asked, clean)
+    exact = yield from exact_count(motion, cleaned, asked)
     if asked.times <= _SURELY or asked.act not in COUNTED or exact is not cleaned:
         return exact, 0
     repeated = repetitions(exact.joints.astype(np.float64), asked.act, asked.side)
@@ -131,7 +131,7 @@ def as_many_as_fit(
     each = (full[-1].end - full[0].start) / len(full)
     fit = len(full) + int((_FRAMES[1] - len(exact)) / each)
     for times in (fit + 1, fit, fit - 1) if fit < asked.times else ():
-        most = exact_count(motion, cleaned, replace(asked, times=times), clean)
+        most = yield from exact_count(motion, cleaned, replace(asked, times=times))
         if most is not cleaned:
             return most, times
     return exact, len(full) if fit < asked.times else 0

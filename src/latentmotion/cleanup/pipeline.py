@@ -140,21 +140,19 @@ def clean_batch(
     pairs, raw = zip(motions, corrections, strict=True), motions
     motions = [_enlivened(motion, correction, steps) for motion, correction in pairs]
     cleaned = _clean_alike(motions, steps, corrections)
-    moving = replace(steps, in_place=False)  # repetitions are counted on the path
     recorded = [motion.recorded for motion in motions]
-    for number, (motion, correction) in enumerate(zip(motions, corrections, strict=True)):
-        if correction.count is None or not steps.exact_count:
-            continue
-
-        def clean_again(motion: Motion, correction: Corrections = correction) -> Motion:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", CleanUpWarning)  # the whole motion has had its own
-                return _clean_alike([motion], moving, [correction])[0]
-
-        whole = clean_again(motion) if steps.in_place else cleaned[number]
-        exact, fit = as_many_as_fit(motion, whole, correction.count, clean_again)
-        if fit:
-            text = f"{_named(motion)}{correction.count.times} times take too long, {fit} fit"
+    counting = [n for n, c in enumerate(corrections) if c.count and steps.exact_count]
+    chosen, wanted = [motions[n] for n in counting], [corrections[n] for n in counting]
+    moving = replace(steps, in_place=False)  # repetitions are counted on the path
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CleanUpWarning)  # whole motions have had their own
+        on_path = [cleaned[n] for n in counting]
+        on_path = _clean_alike(chosen, moving, wanted) if steps.in_place else on_path
+        results = _counted_exactly(chosen, on_path, wanted, moving)
+    for number, (exact, fit) in zip(counting, results, strict=True):
+        motion, count = motions[number], corrections[number].count
+        if fit and count:
+            text = f"{_named(motion)}{count.times} times take too long, {fit} fit"
             warnings.warn(CleanUpWarning(text, raw[number]), stacklevel=3)
         joints = in_place(exact.joints, exact.fps) if steps.in_place else exact.joints
         cleaned[number] = replace(exact, joints=joints)
@@ -164,6 +162,30 @@ def clean_batch(
         after.with_recorded(source.following(before.joints, after.joints)) if source else after
         for before, after, source in zip(motions, cleaned, recorded, strict=True)
     ]
+
+
+def _counted_exactly(
+    motions: Sequence[Motion],
+    cleaned: Sequence[Motion],
+    corrections: Sequence[Corrections],
+    steps: CleanUp,
+) -> list[tuple[Motion, int]]:
+    """Returns what `as_many_as_fit` does of each; candidates of all are cleaned up together."""
+    every = zip(motions, cleaned, corrections, strict=True)
+    searches = [as_many_as_fit(motion, whole, c.count) for motion, whole, c in every if c.count]
+    results: dict[int, tuple[Motion, int]] = {}
+    replies: dict[int, Motion | None] = dict.fromkeys(range(len(searches)))
+    while replies:
+        candidates: dict[int, Motion] = {}
+        for number, reply in replies.items():
+            try:
+                candidates[number] = searches[number].send(reply)
+            except StopIteration as end:
+                results[number] = end.value
+        wanted = [corrections[number] for number in candidates]
+        again = _clean_alike([*candidates.values()], steps, wanted)
+        replies = dict(zip(candidates, again, strict=True))
+    return [results[number] for number in range(len(searches))]
 
 
 def _enlivened(motion: Motion, correction: Corrections, steps: CleanUp) -> Motion:
