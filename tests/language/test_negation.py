@@ -13,6 +13,9 @@ from latentmotion.language.reading import affirmed, asked_exactly, claims_of, re
     [
         ("a person walks", "a person walks"),
         ("a person does not sit down", "a person stands"),
+        ("she doesn't get up from her seat", "a person stays seated"),
+        ("he never leaves the chair", "a person stays seated"),
+        ("he does not sit on the chair", "a person stands"),
         ("never turn around, walk straight", "walk straight"),
         ("walk but do not turn", "walk"),
         ("a person stands without raising the arms", "a person stands"),

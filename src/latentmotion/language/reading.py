@@ -74,7 +74,8 @@ def affirmed(sentence: str) -> str:
     """Returns a sentence without its negated clauses; as it is if it has none.
 
     Text encoders read "does not sit down" as nearly "sits down" (cosine 0.84), so a model is not
-    given such a clause. Where nothing is left to do, the person stands.
+    given such a clause. Where nothing is left to do, the person stands, or stays seated who does
+    not get up from a chair.
     """
     tokens = tokens_of(sentence)
     remaining = without_negated(tokens)
@@ -96,7 +97,9 @@ def affirmed(sentence: str) -> str:
         if end is not None and not any(end <= other.start < token.start for other in tokens):
             between = sentence[end : token.start]
         text, end = text + between + sentence[token.start : token.end], token.end
-    return text or "a person stands"
+    words = {token.text for token in tokens}
+    seated = words & {*listed("leaving")} and words & {*listed("seat")}
+    return text or ("a person stays seated" if seated else "a person stands")
 
 
 def _joins(token: Token) -> bool:
