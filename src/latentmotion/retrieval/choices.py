@@ -35,6 +35,7 @@ from latentmotion.language.words import (
 )
 from latentmotion.retrieval.doubts import (
     ALIKE,
+    EQUAL,
     MOST_COMPARED,
     NEARLY_ALIKE,
     Reading,
@@ -54,8 +55,8 @@ TELLS_BOTH = 0.83
 LEAST_SAID, LEAST_WEIGHT = 0.45, 4.0
 
 # Cosine of a caption with each clause of a sentence, and with all on average, from which it tells
-# of all of them; difference of cosines that codes of embeddings do not show.
-LEAST_TOLD, MEAN_TOLD, EQUAL = 0.38, 0.54, 0.01
+# of all of them.
+LEAST_TOLD, MEAN_TOLD = 0.38, 0.54
 
 # Weight of the embedding of a sentence beside that of a single word of it: with 0.5 archers shoot
 # with rifles, with 0.7 other words are outweighed.

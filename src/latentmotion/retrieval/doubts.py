@@ -96,6 +96,10 @@ MOST_COMPARED = 16  # Clips among which those that fit best are looked for.
 # How much nearer a mirror image has to be than a clip of the side that is asked for.
 MIRRORED = 0.02
 
+# Cosine from which a caption says the sentence itself and decides alone, "plays tennis" for
+# "playing tennis" beside table tennis; difference that codes of embeddings do not show.
+SAME_SENTENCE, EQUAL = 0.95, 0.01
+
 ALIKE = 0.03  # How much worse than the best a clip may fit to be another start.
 
 # Clips that have a word which another is taken for a misspelling of.
@@ -409,7 +413,9 @@ def fitting(
         or n.cosine > itself + MIRRORED
     ]
     fits = {n: _fit(n, sides, sentence, index) for n in near if n.caption.support == DRAWN}
-    best = sorted(fits, key=lambda neighbor: -fits[neighbor][0])
+    nearest = max((n.cosine for n in fits), default=0.0)
+    says = nearest - EQUAL if nearest >= SAME_SENTENCE else 0.0
+    best = sorted((n for n in fits if n.cosine >= says), key=lambda neighbor: -fits[neighbor][0])
     least = fits[best[0]][0] - ALIKE if best else 0.0
     drawn = [n for n in best if fits[n][0] >= least and fits[n][1]]
     first = max((n.cosine for n in drawn), default=0.0)
