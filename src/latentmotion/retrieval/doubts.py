@@ -403,14 +403,14 @@ def fitting(
     itself = max(
         (n.cosine for n in near if named and named == named_sides(n.caption.text)), default=0.0
     )
-    # No mirror image of a drawn clip where another shows the side itself.
+    # No mirror image of a drawn clip, nor one of both sides, where another shows the side itself.
     near = [
         n
         for n in near
         if n.caption.support != DRAWN
-        or not n.mirrored
         or named == named_sides(n.caption.text)  # its other sentences are nearer by chance
-        or n.cosine > itself + MIRRORED
+        or not (n.mirrored or (itself >= NEARLY_ALIKE and named < named_sides(n.caption.text)))
+        or (n.mirrored and len(named_sides(n.caption.text)) < 2 and n.cosine > itself + MIRRORED)
     ]
     fits = {n: _fit(n, sides, sentence, index) for n in near if n.caption.support == DRAWN}
     nearest = max((n.cosine for n in fits), default=0.0)
