@@ -16,7 +16,7 @@ test:
 	$(VENV)/bin/python -m pytest -n auto --dist loadfile
 
 # Tests of the rooms that a sentence passes through on its way to a file, in an environment at hand.
-CORE = cleanup condition control diffusion engine formats kinematics language measure pipeline representation storage text
+CORE = cleanup control diffusion engine formats kinematics language measure pipeline representation storage
 core:
 	$(PYTHON) -m pytest -n auto --dist loadfile $(CORE:%=tests/%)
 

@@ -88,8 +88,9 @@ def test_an_error_leaves_no_bar(terminal: Terminal) -> None:
 
 @pytest.mark.parametrize("json", [[], ["--json"]])
 def test_verbs_show_it_unless_they_print_json(
-    terminal: Terminal, tmp_path: Path, json: list[str]
+    terminal: Terminal, tmp_path: Path, json: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("latentmotion.cleanup.pipeline._TOGETHER", 1)
     verb = ["generate", "a person walks", "a person sits down", "--best-of", "1", "-o"]
     with redirect_stderr(terminal):
         main([*verb, str(tmp_path / "a.npz"), *json])
