@@ -686,14 +686,14 @@ class MotionPipeline(PickledByFields):
 
         def sample(
             sentence: str, request: GenerationRequest, frames: int | None = None
-        ) -> np.ndarray:
+        ) -> list[np.ndarray]:
             usual = [
                 min(seconds, LONGEST_SAMPLED) for seconds in self.usual_seconds([sentence]) or ()
             ]
             lengths = requests.frames_of(self.card, None, 1, self.representation.fps, usual or None)
-            lengths = [frames] if frames else lengths
-            alone = GenerationRequest((sentence,), tuple(lengths), request.seeds, request.sampling)
-            return self.generate(alone)[0]
+            seeds, (length,) = request.seeds, [frames] if frames else lengths
+            sentences, each = (sentence,) * len(seeds), (length,) * len(seeds)
+            return self.generate(GenerationRequest(sentences, each, seeds, request.sampling))
 
         space = self.representation
         chooser = Chooser(index, text_encoder)

@@ -10,7 +10,7 @@ figures in lab/diary/rare_acts.md). Frequent movements start from pure noise, as
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -92,9 +92,9 @@ class ClipStarts:
     # Latents and mask of frames to features: decodes the clips that are mirrored.
     decode: Callable[[np.ndarray, np.ndarray], np.ndarray]
     representation: Representation  # Mirrors features.
-    # Features of one movement of a sentence, sampled from noise as a request says.
+    # Features of one movement of a sentence, sampled from noise for each seed of a request.
     # As many frames as are given, or as is usual.
-    sample: Callable[[str, GenerationRequest, int | None], np.ndarray]
+    sample: Callable[[str, GenerationRequest, int | None], list[np.ndarray]]
     # What was decoded last: the ends of a movement are compared with those before it and after it,
     # and takes of a sentence share their clips. Decoding takes 2 ms each time.
     _latest: dict[bytes, Float[np.ndarray, "frames features"]] = field(
@@ -144,21 +144,32 @@ class ClipStarts:
             wanted: Whether each may start from a clip.
         """
         choices = {reading: self.chooser.choices(reading) for reading in dict.fromkeys(readings)}
-        return [
-            self.start(
-                choices[reading],
-                None if any_length else frames,
-                request.take([row]),
-                usual_range(reading.sentence) if any_length else None,
-            )
-            if take
-            and choices[reading]
-            and self._is_countable(reading, choices[reading], any_length)
-            else None
-            for row, (reading, frames, take, any_length) in enumerate(
-                zip(readings, request.frames, wanted, free, strict=True)
-            )
-        ]
+        rows: dict[Reading, list[int]] = {}
+        for row, (reading, take, any_length) in enumerate(zip(readings, wanted, free, strict=True)):
+            if (
+                take
+                and choices[reading]
+                and self._is_countable(reading, choices[reading], any_length)
+            ):
+                rows.setdefault(reading, []).append(row)
+        starts: list[ClipStart | None] = [None] * len(readings)
+        for reading, taken in rows.items():
+            requests = [request.take([row]) for row in taken]
+            # What a sentence's takes sample from noise is sampled together.
+            beside = {
+                choice.sentence: self.sample(choice.sentence, request.take(taken), None)
+                for choice in choices[reading]
+                if not choice.neighbors
+            }
+            for number, row in enumerate(taken):
+                starts[row] = self.start(
+                    choices[reading],
+                    None if free[row] else request.frames[row],
+                    requests[number],
+                    usual_range(reading.sentence) if free[row] else None,
+                    {sentence: takes[number] for sentence, takes in beside.items()},
+                )
+        return starts
 
     def _is_countable(self, reading: Reading, choices: Sequence[Choice], any_length: bool) -> bool:
         """Whether a drawn clip shows what a sentence counts, so that clean-up can correct it."""
@@ -189,6 +200,7 @@ class ClipStarts:
         frames: int | None,
         request: GenerationRequest,
         limits: tuple[float, float] | None = None,
+        beside: Mapping[str, np.ndarray] | None = None,
     ) -> ClipStart:
         """Returns what a motion starts from.
 
@@ -198,11 +210,12 @@ class ClipStarts:
             request: The motion; its seed takes turns among them.
             limits: Seconds that what the sentence asks for lasts at least and at most; a longer
                 clip is made as short.
+            beside: Features of each movement of the sentence that is sampled from noise.
         """
         (seed,) = request.seeds
         rarest = min((c for c in choices if c.neighbors), key=lambda choice: choice.support)
         chosen = [choice.clip_for(seed) for choice in choices]
-        parts = self._parts(choices, chosen, request)
+        parts = self._parts(choices, chosen, request, beside or {})
         needed = self._needed(parts)
         choices, chosen = [choices[n] for n in needed], [chosen[n] for n in needed]
         parts = [parts[n] for n in needed]
@@ -255,15 +268,12 @@ class ClipStarts:
         choices: Sequence[Choice],
         chosen: Sequence[Neighbor | None],
         request: GenerationRequest,
+        beside: Mapping[str, np.ndarray],
     ) -> list[Float[np.ndarray, "_ width"]]:
         """Returns the latents of each movement, gestures over what the body does beneath."""
         parts: list[np.ndarray] = []
         for choice, neighbor in zip(choices, chosen, strict=True):
-            latents = (
-                self._latents(neighbor)
-                if neighbor
-                else self.encoder(self.sample(choice.sentence, request, None))
-            )
+            latents = self._latents(neighbor) if neighbor else self.encoder(beside[choice.sentence])
             drawn = neighbor is not None and neighbor.caption.support == DRAWN
             if drawn and (choice.under or parts):
                 latents = self._layered(latents, choice.under, parts, request)
@@ -294,7 +304,7 @@ class ClipStarts:
             beneath = (
                 stretched(self._latents(clip), len(latents))
                 if clip
-                else self.encoder(self.sample(under.sentence, request, len(gesture)))
+                else self.encoder(self.sample(under.sentence, request, len(gesture))[0])
             )
             body = self._joints(beneath)[: len(gesture)]
         else:
