@@ -16,7 +16,7 @@ import hashlib
 import json
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -36,22 +36,34 @@ from latentmotion.data.store import (
     stored_normalizer,
     write_dataset,
 )
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.language.words import words_of
 from latentmotion.model.card import MOVES_FILE, find_model
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.retrieval.index import (
+    ALL_DIRECTIONS,
     DRAWN,
+    EMBEDDING_LEVELS,
     MOST_LEVELS,
     ClipIndex,
     quantized,
     read_index,
 )
 from latentmotion.retrieval.teach import ShownClip, build_index
-from latentmotion.retrieval.wordings import distinct, read_wordings, with_wordings
+from latentmotion.retrieval.wordings import (
+    along_discriminants,
+    distinct,
+    embedded,
+    read_wordings,
+    with_wordings,
+)
 
 HERE = Path(__file__).parent
+
+# Wordings of captions that training uses.
+WORDINGS = HERE.parent / "src/latentmotion/training/captioning/wordings.tsv.xz"
 
 # Recordings on which movements are drawn.
 RECORDINGS = {
@@ -452,6 +464,17 @@ def recorded(index: ClipIndex) -> ClipIndex:
     )
 
 
+def embedded_anew(
+    index: ClipIndex, wordings: Mapping[str, Sequence[str]], text_encoder: TextEncoder
+) -> ClipIndex:
+    """Returns an index with captions and these wordings as an encoder embeds them now."""
+    texts = [caption.text for caption in index.captions]
+    codes, _ = quantized(embedded(texts, text_encoder), 1, EMBEDDING_LEVELS)
+    none, every = np.zeros(0, np.int32), ALL_DIRECTIONS
+    index = replace(index, wordings=none, embeddings=codes, directions=every)
+    return with_wordings(index, wordings, text_encoder)
+
+
 def write_prepared(
     folder: Path, dataset: Dataset, shown: Sequence[ShownClip], source: Source
 ) -> None:
@@ -484,13 +507,16 @@ class Gestures:
     data: Path = HERE / "starter.pack"  # Prepared data with the recordings.
     model: str = "starter"  # Name or folder of the model whose encoders are used.
     anew: bool = False  # Search all latents, as after a change to the decoder: ten minutes.
+    # Embed the sentences of recordings anew, and find the directions, as after a change to the text
+    # encoder or with many new wordings: two minutes.
+    embed: bool = False
     # Folder for the data without its test clips, each clip as one item, and the movements: a
     # decoder that trains on it draws movements as they are drawn.
     prepared: Path | None = None
     # Wordings of the names of movements, as of `latentmotion teach`.
     wordings: Path = HERE / "phrases.tsv.xz"
-    # Further wordings of the captions of recordings, which the index keeps from then on.
-    further: tuple[Path, ...] = ()
+    # Wordings of the captions of recordings, which the index keeps from then on.
+    further: tuple[Path, ...] = (WORDINGS,)
 
     def run(self) -> None:
         """Writes it."""
@@ -534,13 +560,19 @@ class Gestures:
         scale = shipped.latent_scale if shipped else quantized(every, 0, MOST_LEVELS)[1]
         codes = np.clip(np.round(every / scale), -MOST_LEVELS, MOST_LEVELS).astype(np.int8)
         index = replace(index.preferred(DRAWN), latents=codes, latent_scale=scale)
-        if target.is_file():
-            index = index.joined(recorded(read_index(target)))
         names = {row["captions"][0] for row in read_rows(self.table)}
-        wordings = read_wordings(self.further) if self.further else {}
-        wordings |= {n: w for n, w in read_wordings([self.wordings]).items() if n in names}
-        if wordings:
-            index = distinct(with_wordings(index, wordings, pipeline.text_encoder))
+        wordings = read_wordings([self.wordings])
+        further = {n: w for n, w in wordings.items() if n not in names}
+        if target.is_file():
+            recordings = recorded(read_index(target))
+            if self.embed:
+                for name, texts in read_wordings(self.further).items():
+                    further[name] = [*further.get(name, ()), *texts]
+                recordings = embedded_anew(recordings, further, pipeline.text_encoder)
+            index = index.joined(recordings)
+        drawn = {n: w for n, w in wordings.items() if n in names}
+        index = with_wordings(index, drawn, pipeline.text_encoder)
+        index = distinct(along_discriminants(index) if self.embed else index)
         self.out.mkdir(parents=True, exist_ok=True)
         index.write(target)
         searched = sum(clip.id not in stored for clip in shown)

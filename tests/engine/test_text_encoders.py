@@ -78,6 +78,15 @@ def test_what_the_shipped_encoder_reads_together_is_the_same_to_the_last_bit() -
         np.testing.assert_array_equal(together.words[row][together.mask[row]], alone.words[0])
 
 
+def test_pieces_that_were_added_change_no_sentence_of_other_words() -> None:
+    """The embedding is that of the encoder before `data/pieces.py` gave it the teacher's rows."""
+    encoder = StudentTextEncoder.load(find_model("starter"))
+    assert encoder.pieces("toilet") == ["toilet"] and encoder.name == "student-3ce408f26463"
+    first = [-0.01922224, -0.02492021, 0.01682085, 0.01364292]
+    embedding = encoder(["a person walks forward and waves"]).pooled[0, :4]
+    np.testing.assert_allclose(embedding, first, atol=1e-6)
+
+
 def test_words_of_several_pieces_are_unknown_unless_they_occurred() -> None:
     encoder = student()
     assert encoder.unknown_words("a person kicking and Walking") == ["walking"]

@@ -17,6 +17,7 @@ from latentmotion.language.words import words_of
 from latentmotion.model.card import MOVES_FILE, SHIPPED
 from latentmotion.retrieval.index import (
     ALL_DIRECTIONS,
+    DRAWN,
     ClipIndex,
     IndexedCaption,
     IndexedClip,
@@ -119,6 +120,18 @@ def test_a_caption_is_near_by_its_wordings_too(tmp_path):
     assert literal.cosine < 0.6
     with pytest.raises(InputError, match="do not fit"):
         replace(index, wordings=np.array([2], np.int32))
+
+
+def test_a_wording_of_a_recording_has_to_be_clearly_nearer_than_one_of_a_drawn_clip():
+    vectors = [[1, 0, 0], [0, 1, 0], [0.8, 0, 0.6], [0, 0.8, 0.6]]
+    index = index_of([("shoots a bow", 0), ("a bow", 1)], vectors, wordings=[0, 1])
+    captions = [replace(c, support=s) for c, s in zip(index.captions, (3, DRAWN), strict=True)]
+    index = replace(index, captions=tuple(captions))
+    for sentence, text in (([0.82, 0.8, 0.6], "a bow"), ([0.92, 0.8, 0.6], "shoots a bow")):
+        near = index.nearest_by_wording(np.array([sentence], np.float32))
+        assert near.caption.text == text
+    assert index.support(np.array([[0.8, 0.79, 0]])) == 3
+    assert index.support(np.array([[0.8, 0.79, 0]]), clearer=0.1) == DRAWN
 
 
 def test_an_index_along_few_directions_is_joined_with_one_along_all():

@@ -42,7 +42,7 @@ from latentmotion.retrieval.doubts import (
     SentenceReader,
     fitting,
 )
-from latentmotion.retrieval.index import ALIKE_WORDS, DRAWN, OFTEN, RARE, SHOWN, Neighbor
+from latentmotion.retrieval.index import ALIKE_WORDS, CLEARER, DRAWN, OFTEN, RARE, SHOWN, Neighbor
 
 USUAL = 60.0  # Support of a movement that succeeds from noise about as often as from a clip.
 
@@ -273,6 +273,7 @@ class Chooser(SentenceReader):
                 choice.support == DRAWN
                 and choice.neighbors[0].is_near
                 and self._names(texts, clauses)
+                and self._in_order(caption.text, clauses)
             )
         if choice.support > RARE and len(named_sides(" ".join(clauses))) > 1:
             return False  # noise mixes sides up
@@ -303,7 +304,7 @@ class Chooser(SentenceReader):
             versions = [unit(sides + meant) for sides in versions]
         nearest = [(sides, self.index.nearest(sides, MOST_COMPARED)) for sides in versions]
         sides, every = max(nearest, key=lambda version: version[1][0].cosine)
-        support = self.index.support(sides)
+        support = self.index.support(sides, 0.0 if _claims(sentence) else CLEARER)
         near = [n for n in every if n.caption.support == SHOWN or _fits(n.caption.text, sentence)]
         near = fitting(near, sides, sentence, self.index)
         if done := suffered(sentence):  # how common it is to do it says nothing
@@ -348,8 +349,8 @@ class Chooser(SentenceReader):
                 ways = {gait.direction for text in texts for gait in _gaits_of(text)}
                 goes = ways and (ways | {""}).issuperset(gait.direction for gait in gaits)
                 support = support if goes else max(support, OFTEN)
-            if first and "turn" in _claims(sentence) - self._claims_of(drawn[0]):
-                support = max(support, OFTEN)  # "rotate rightward" is no turn of the torso alone
+        if same is drawn and "turn" in _claims(sentence) - self._claims_of(drawn[0]):
+            support = max(support, OFTEN)  # "rotate rightward" is no turn of the torso alone
         return Choice(tuple(self._on_side(n, sentence) for n in same), support, sentence)
 
     def _names(self, captions: Sequence[str], clauses: Sequence[str]) -> bool:
@@ -357,6 +358,14 @@ class Chooser(SentenceReader):
         words = {*chain(*map(words_of, captions))}
         verbs = [verb_of(clause, self.is_word) for clause in clauses]
         return all(words & (other_forms(verb) | {verb}) for verb in verbs)
+
+    def _in_order(self, caption: str, clauses: Sequence[str]) -> bool:
+        """Whether a caption has those verbs of clauses that it has in the order of the clauses."""
+        words, verbs = words_of(caption), [verb_of(clause, self.is_word) for clause in clauses]
+        forms = [other_forms(verb) | {verb} for verb in verbs]
+        places = [[n for n, word in enumerate(words) if word in verb] for verb in forms]
+        first = [min(numbers) for numbers in places if numbers]
+        return first == sorted(first)
 
     def _claims_of(self, neighbor: Neighbor) -> frozenset[str]:
         """Returns the kinds of what the captions of a clip tell of that can be measured."""

@@ -40,12 +40,22 @@ from latentmotion.language.words import (
     other_forms,
     parts_of,
     refers_back,
+    suffered,
     tokens_of,
     uncounted,
     with_words,
     words_of,
 )
-from latentmotion.retrieval.index import ABOUT, DRAWN, OFTEN, RARE, SHOWN, ClipIndex, Neighbor
+from latentmotion.retrieval.index import (
+    ABOUT,
+    CLEARER,
+    DRAWN,
+    OFTEN,
+    RARE,
+    SHOWN,
+    ClipIndex,
+    Neighbor,
+)
 
 # Cosine of the nearest caption below which a sentence is foreign, unless a wording is near. With
 # the other signs 2 % of 200 known sentences and 94 % of 161 foreign ones are doubted (lists of
@@ -202,7 +212,8 @@ class SentenceReader:
 
         What people say otherwise than captions do becomes the caption whose wording is nearest. Not
         so where it claims something that can be measured, which the denoiser learned from sentences
-        of all kinds, and where it names a side that the caption does not.
+        of all kinds, and where it names a side that the caption does not, or what is done to the
+        person.
         """
         if is_idle(tokens_of(sentence)):
             return None
@@ -212,25 +223,32 @@ class SentenceReader:
         same = near.caption.support <= SHOWN and near.cosine >= SAME_WORDING
         if request_of(sentence).claims and not same:
             return None
-        common = near.caption.support > OFTEN
-        if near.cosine < (NEAR_WORDING_OF_COMMON if common else NEAR_WORDING):
-            return None
         literal = max(
             (self.index.nearest(self._sides(text), 1)[0] for text in lookups(sentence)),
             key=lambda neighbor: neighbor.cosine,
         )
-        if literal.cosine >= (near.cosine if same else min(NEAR_CAPTION, near.cosine)):
-            return None
+        common = near.caption.support > OFTEN
         # A clip was shown for this movement, so it is meant, however well others fit; one that was
         # drawn has short sentences, which are less near than wordings, and shows the movement where
         # the wording's caption is too common for a start from its clip.
         drawn = ABOUT if near.caption.support <= RARE else NEARER
         farther = {SHOWN: 1.0, DRAWN: drawn}.get(literal.caption.support, 0.0)
-        if not same and literal.is_near and near.cosine <= literal.cosine + farther:
+        if self._is_far(sentence, literal, self._sides(sentence)):
+            # What nothing is near is read as what is nearest, and doubted.
+            near = max(near, literal, key=_clearness)
+        elif (
+            near.cosine < (NEAR_WORDING_OF_COMMON if common else NEAR_WORDING)
+            or literal.cosine >= (near.cosine if same else min(NEAR_CAPTION, near.cosine))
+            or (not same and literal.is_near and near.cosine <= literal.cosine + farther)
+        ):
             return None
         caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
         named = named_sides(sentence)
-        return None if named and named != named_sides(caption) else caption
+        if (named and named != named_sides(caption)) or (
+            suffered(sentence) and not suffered(caption)
+        ):
+            return None
+        return caption
 
     def _sides(self, sentence: str) -> Float[np.ndarray, "sides width"]:
         """Returns the embedding of a sentence, and that of its mirror image if it differs."""
@@ -272,7 +290,8 @@ class SentenceReader:
                 sides.append(uncounted(part))  # "claps twice" is known where "claps" is
             vectors = self.text_encoder(sides).pooled
             (neighbor,) = self.index.nearest(vectors, 1)
-            caption = neighbor.caption.text
+            wording = self.index.nearest_by_wording(vectors) or neighbor
+            caption = max(neighbor, wording, key=_clearness).caption.text
             near = neighbor.cosine >= NEAR_ENOUGH
             shown = near and outside in caption.lower()
             if outside and outside in part.lower() and not shown:
@@ -283,20 +302,14 @@ class SentenceReader:
                 return Doubt(part.strip(), "captions have few of its words", caption)
             if near:
                 continue
-            wording = self.index.nearest_by_wording(vectors)
-            if wording and wording.cosine >= SAID_OTHERWISE:
+            if wording.cosine >= SAID_OTHERWISE:
                 continue
             word = self._foreign_word(part)
             if word:
                 return Doubt(word, "no caption has it", caption)
             if number and refers_back(part):
                 continue
-            drawn = neighbor.caption.support == DRAWN
-            misfit = drawn and not request_of(part).claims
-            if misfit:
-                others = self.index.nearest(vectors, MOST_COMPARED)
-                misfit = not fitting(others, vectors, part, self.index)
-            if misfit or neighbor.cosine < (FAR_OF_DRAWN if drawn else FAR):
+            if self._is_far(part, neighbor, vectors):
                 # Of clauses that start on their own only those are told that are far, too.
                 clauses = clauses_of(part, self.is_word)
                 far = Doubt(part.strip(), "no caption is near", caption, is_far=True)
@@ -304,6 +317,17 @@ class SentenceReader:
                 if doubt:
                     return doubt
         return None
+
+    def _is_far(
+        self, sentence: str, nearest: Neighbor, sides: Float[np.ndarray, "sides width"]
+    ) -> bool:
+        """Whether the nearest caption is too far for the movement of a sentence to be known."""
+        drawn = nearest.caption.support == DRAWN
+        if nearest.cosine < (FAR_OF_DRAWN if drawn else FAR):
+            return True
+        if not drawn or request_of(sentence).claims:
+            return False
+        return not fitting(self.index.nearest(sides, MOST_COMPARED), sides, sentence, self.index)
 
     def _foreign_word(self, sentence: str) -> str | None:
         """Returns the word that no caption has and that matters most, None if none matters."""
@@ -352,6 +376,11 @@ def _edits(word: str) -> Iterator[str]:
             yield head + letter + tail
             if tail:
                 yield head + letter + tail[1:]
+
+
+def _clearness(neighbor: Neighbor) -> float:
+    """Returns how near a caption is, less that of a recording."""
+    return neighbor.cosine - CLEARER * (neighbor.caption.support > SHOWN)
 
 
 @cache
