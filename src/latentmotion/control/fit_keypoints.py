@@ -176,19 +176,102 @@ def fit_motion(
     return Motion(joints, space.fps, space.skeleton, "", metadata)
 
 
+# Deviations beyond which what is off counts by its size, no longer by its square.
+_HUBER = 3.0
+
+# Meters from the camera at which points nearer to it are taken to be.
+_NEAREST = 0.3
+
+
 @dataclass(frozen=True, eq=False)
-class Capture:
+class Observation:
+    """Keypoints of one person in some frames of a motion."""
+
+    # Meters; or what a camera of focal length 1 sees, right and down. 0 where not seen.
+    points: Float[np.ndarray, "observed keypoints coordinates"]
+    weights: Float[np.ndarray, "observed keypoints"]  # Weight of each; 0 where it was not seen.
+    positions: Float[np.ndarray, " observed"]  # When each was observed, in frames of the motion.
+    joints: Float[np.ndarray, "keypoints joints"]  # Each keypoint as a weighted sum of joints.
+    frames: int  # Length of the motion.
+    # Meters from the camera, roughly, where the points are flat.
+    depth: Float[np.ndarray, " observed"] | None = None
+
+    @cached_property
+    def times(self) -> Float[np.ndarray, "observed frames"]:
+        """Shares of the two frames between which each was observed."""
+        before = np.clip(self.positions.astype(int), 0, max(self.frames - 2, 0))
+        share, rows = np.clip(self.positions - before, 0, 1), np.arange(len(before))
+        shares = np.zeros((len(before), self.frames))
+        shares[rows, before] = 1 - share
+        shares[rows, np.minimum(before + 1, self.frames - 1)] += share
+        return shares
+
+    def missing(self, placed: Joints) -> Float[np.ndarray, "observed keypoints coordinates"]:
+        """Returns seen minus expected, meters, for joints where the tracker sees them."""
+        expected = self._keypoints(placed)
+        if self.depth is not None:
+            expected = expected[..., :2] / -np.maximum(expected[..., 2:], _NEAREST)
+            return (self.points - expected) * self.depth[:, None, None]
+        return self.points - expected
+
+    def loss(
+        self, joints: Joints, placement: Float[np.ndarray, " 5"], noise: float
+    ) -> tuple[float, Joints, Float[np.ndarray, " 5"]]:
+        """Returns Huber's loss, and its derivatives by joints and placement.
+
+        Args:
+            joints: A motion as it is decoded.
+            placement: Its yaw, x, y, z and pitch.
+            noise: Deviation of what was observed, meters.
+        """
+        yaw, *_, pitch = placement
+        turned = turn(joints, np.array(yaw))
+        tilted = tilt(turned, pitch)
+        placed = tilted + placement[1:4]
+        off = self.missing(placed) / noise
+        far = np.linalg.norm(off, axis=-1)
+        value = np.where(far < _HUBER, 0.5 * far**2, _HUBER * (far - 0.5 * _HUBER))
+        gradient = -(self.weights * robust(far))[..., None] * off / noise
+        if self.depth is not None:
+            points = self._keypoints(placed)
+            depth = np.maximum(points[..., 2:], _NEAREST)
+            flat = -gradient * self.depth[:, None, None] / depth
+            ahead = -(flat * points[..., :2]).sum(axis=-1, keepdims=True) / depth
+            ahead = np.where(points[..., 2:] > _NEAREST, ahead, 0)
+            gradient = np.concatenate([flat, ahead], axis=-1)
+        pull = np.einsum("okc,kj->ojc", gradient, self.joints)
+        pull = np.tensordot(self.times, pull, (0, 0))
+        around = tilted[..., 1] * pull[..., 2] - tilted[..., 2] * pull[..., 1]
+        back = tilt(pull, -pitch)
+        about = back[..., 0] * turned[..., 2] - back[..., 2] * turned[..., 0]
+        of_placement = np.array([about.sum(), *pull.sum((0, 1)), around.sum()])
+        if self.depth is None:
+            of_placement[4] = 0
+        return float((self.weights * value).sum()), turn(back, np.array(-yaw)), of_placement
+
+    def _keypoints(self, placed: Joints) -> Float[np.ndarray, "observed keypoints 3"]:
+        return np.einsum("kj,ojc->okc", self.joints, np.tensordot(self.times, placed, 1))
+
+
+def robust(far: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
+    """Returns Huber's weights of distances, which are in deviations."""
+    return _HUBER / np.maximum(far, _HUBER)
+
+
+def tilt(points: Float[np.ndarray, "*batch 3"], pitch: float) -> Float[np.ndarray, "*batch 3"]:
+    """Rotates points about x; a positive angle, radians, moves +y toward +z."""
+    c, s = np.cos(pitch), np.sin(pitch)
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
+    return np.stack([x, c * y - s * z, s * y + c * z], axis=-1)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Capture(Observation):
     """A whole recording in the model's frames and size."""
 
-    # Meters, or what a camera of focal length 1 sees.
-    points: Float[np.ndarray, "observed keypoints coordinates"]
-    weights: Float[np.ndarray, "observed keypoints"]  # Weight of each.
-    positions: Float[np.ndarray, " observed"]  # When each was observed, in frames of the motion.
     names: tuple[str, ...]  # Of the keypoints.
-    frames: int  # Length of the motion.
-    scale: float  # Size of the model's body beside the person's.
+    scale: float = 1.0  # Size of the model's body beside the person's.
     noise: float  # Deviation of what was observed, meters in the model's size.
-    depth: Float[np.ndarray, " observed"] | None = None  # Meters from the camera, roughly.
     focal: float | None = None  # Focal length of the camera, pixels.
     pitch: float | None = None  # Tilt of the camera, radians, once it is known.
     floor: float | None = None  # Height of the floor, meters, once it is known.
@@ -215,16 +298,21 @@ class Capture:
             deviation = white_noise(points)
             scale = body_scale(points, names, deviation)
             deviation = deviation * scale if noise is None else noise * scale
-            points = np.nan_to_num(points) * scale
-            return cls(points, weights, positions, names, frames, scale, deviation)
+            observed = (
+                np.nan_to_num(points) * scale,
+                weights,
+                positions,
+                joint_weights(names),
+                frames,
+            )
+            return cls(*observed, names=names, scale=scale, noise=deviation)
         width, height = keypoints.size or np.nanmax(points, axis=(0, 1))
         focal = keypoints.focal or width / 2 / np.tan(np.radians(_FIELD_OF_VIEW / 2))
         points = (points - np.array([width, height]) / 2) / focal
         depth = camera_distance(points, names, fps=keypoints.fps)
         deviation = white_noise(points * depth[:, None, None]) if noise is None else noise
-        return cls(
-            np.nan_to_num(points), weights, positions, names, frames, 1.0, deviation, depth, focal
-        )
+        observed = np.nan_to_num(points), weights, positions, joint_weights(names), frames, depth
+        return cls(*observed, names=names, noise=deviation, focal=focal)
 
     @property
     def flat(self) -> bool:
@@ -241,17 +329,6 @@ class Capture:
             positions=self.positions[inside] - start,
             depth=None if self.depth is None else self.depth[inside],
             frames=frames,
-        )
-
-    def observation(self) -> Observation:
-        """Returns what there is to be explained."""
-        return Observation(
-            self.points,
-            self.weights,
-            self.positions,
-            joint_weights(self.names),
-            self.frames,
-            self.depth,
         )
 
 
@@ -344,7 +421,7 @@ def _smoothed(
 
 def _fitted_window(capture: Capture, motion: DecodedMotion) -> tuple[Joints, dict[str, float]]:
     """Returns the joints of one window where the tracker sees them, and what was found."""
-    observation, width = capture.observation(), latent_width(motion)
+    width = latent_width(motion)
     if not (capture.weights > 0).any():
         raise InputError(
             f"nothing was seen for {capture.frames / motion.representation.fps:.1f} s: cut the "
@@ -365,17 +442,17 @@ def _fitted_window(capture: Capture, motion: DecodedMotion) -> tuple[Joints, dic
         weights[:, space.blocks["positions"]] = np.repeat(observed[:, 1:], 3, axis=1)
         z = fit_features(motion, features, weights, 0.2, 30)
         start = np.concatenate([z.ravel(), yaw[:1], place, [capture.pitch or 0.0]])
-        value, p = _refined(observation, motion, start, noise, 30 if capture.flat else 100)
+        value, p = _refined(capture, motion, start, noise, 30 if capture.flat else 100)
         candidates.append((value * (1.0 if floor else _COMMON), p))
-    _, p = min(candidates, key=lambda found: found[0])
+    _, p = min(candidates, key=lambda candidate: candidate[0])
     joints = _placed(motion, p, width)
-    off = np.linalg.norm(observation.missing(joints), axis=-1)
+    off = np.linalg.norm(capture.missing(joints), axis=-1)
     visible = capture.weights > 0
     # Medians of the lengths of normal vectors of deviation 1 in three and two dimensions.
     spread = float(np.median(off[visible])) / (1.177 if capture.flat else 1.538)
     noise = float(np.clip(spread, 0.5 * _EXPRESSED, _MOST_NOISE))
     inliers = off < _OUTLIER * noise
-    observation = replace(observation, weights=capture.weights * inliers)
+    observation = replace(capture, weights=capture.weights * inliers)
     _, p = _refined(observation, motion, p, noise, 80)
     joints = _placed(motion, p, width)
     if not capture.flat:
@@ -460,7 +537,7 @@ def rough_joints(capture: Capture) -> tuple[Joints, Bool[np.ndarray, "frames joi
         flat = points * capture.depth[:, None, None]
         ahead = np.broadcast_to(capture.depth[:, None, None], (*flat.shape[:2], 1))
         points = np.concatenate([-flat, ahead], axis=-1)
-    matrix, frames = joint_weights(capture.names), capture.frames
+    frames = capture.frames
     tracks = np.full((frames, len(capture.names), 3), np.nan)
     for k in np.flatnonzero((capture.weights > 0).any(axis=0)):
         visible = capture.weights[:, k] > 0
@@ -490,7 +567,7 @@ def rough_joints(capture: Capture) -> tuple[Joints, Bool[np.ndarray, "frames joi
     # Where keypoints were seen within a frame or two.
     gaps = np.abs(np.arange(frames)[:, None] - capture.positions)
     seen_near = (gaps <= max(1.0, fps_ratio)).astype(float) @ (capture.weights > 0) > 0
-    for k, row in enumerate(matrix):
+    for k, row in enumerate(capture.joints):
         if (row == 1).sum() == 1 and np.isfinite(tracks[:, k]).all():
             joint = int(row.argmax())
             joints[:, joint], observed[:, joint] = tracks[:, k], seen_near[:, k]
@@ -597,92 +674,3 @@ def _bridged(observation: Observation, joints: Joints, fps: float) -> Joints:
             curve += length * ((t**3 - 2 * t**2 + t) * before + (t**3 - t**2) * after)
             bridged[last + 1 : first, joint] += share * (curve - joints[last + 1 : first, joint])
     return bridged
-
-
-# Deviations beyond which what is off counts by its size, no longer by its square.
-_HUBER = 3.0
-
-# Meters from the camera at which points nearer to it are taken to be.
-_NEAREST = 0.3
-
-
-@dataclass(frozen=True, eq=False)
-class Observation:
-    """Keypoints of one person in some frames of a motion."""
-
-    # Meters; or what a camera of focal length 1 sees, right and down. 0 where not seen.
-    points: Float[np.ndarray, "observed keypoints coordinates"]
-    weights: Float[np.ndarray, "observed keypoints"]  # Weight of each; 0 where it was not seen.
-    positions: Float[np.ndarray, " observed"]  # When each was observed, in frames of the motion.
-    joints: Float[np.ndarray, "keypoints joints"]  # Each keypoint as a weighted sum of joints.
-    frames: int  # Length of the motion.
-    # Meters from the camera, roughly, where the points are flat.
-    depth: Float[np.ndarray, " observed"] | None = None
-
-    @cached_property
-    def times(self) -> Float[np.ndarray, "observed frames"]:
-        """Shares of the two frames between which each was observed."""
-        before = np.clip(self.positions.astype(int), 0, max(self.frames - 2, 0))
-        share, rows = np.clip(self.positions - before, 0, 1), np.arange(len(before))
-        shares = np.zeros((len(before), self.frames))
-        shares[rows, before] = 1 - share
-        shares[rows, np.minimum(before + 1, self.frames - 1)] += share
-        return shares
-
-    def missing(self, placed: Joints) -> Float[np.ndarray, "observed keypoints coordinates"]:
-        """Returns seen minus expected, meters, for joints where the tracker sees them."""
-        expected = self._keypoints(placed)
-        if self.depth is not None:
-            expected = expected[..., :2] / -np.maximum(expected[..., 2:], _NEAREST)
-            return (self.points - expected) * self.depth[:, None, None]
-        return self.points - expected
-
-    def loss(
-        self, joints: Joints, placement: Float[np.ndarray, " 5"], noise: float
-    ) -> tuple[float, Joints, Float[np.ndarray, " 5"]]:
-        """Returns Huber's loss, and its derivatives by joints and placement.
-
-        Args:
-            joints: A motion as it is decoded.
-            placement: Its yaw, x, y, z and pitch.
-            noise: Deviation of what was observed, meters.
-        """
-        yaw, *_, pitch = placement
-        turned = turn(joints, np.array(yaw))
-        tilted = tilt(turned, pitch)
-        placed = tilted + placement[1:4]
-        off = self.missing(placed) / noise
-        far = np.linalg.norm(off, axis=-1)
-        value = np.where(far < _HUBER, 0.5 * far**2, _HUBER * (far - 0.5 * _HUBER))
-        gradient = -(self.weights * robust(far))[..., None] * off / noise
-        if self.depth is not None:
-            points = self._keypoints(placed)
-            depth = np.maximum(points[..., 2:], _NEAREST)
-            flat = -gradient * self.depth[:, None, None] / depth
-            ahead = -(flat * points[..., :2]).sum(axis=-1, keepdims=True) / depth
-            ahead = np.where(points[..., 2:] > _NEAREST, ahead, 0)
-            gradient = np.concatenate([flat, ahead], axis=-1)
-        pull = np.einsum("okc,kj->ojc", gradient, self.joints)
-        pull = np.tensordot(self.times, pull, (0, 0))
-        around = tilted[..., 1] * pull[..., 2] - tilted[..., 2] * pull[..., 1]
-        back = tilt(pull, -pitch)
-        about = back[..., 0] * turned[..., 2] - back[..., 2] * turned[..., 0]
-        of_placement = np.array([about.sum(), *pull.sum((0, 1)), around.sum()])
-        if self.depth is None:
-            of_placement[4] = 0
-        return float((self.weights * value).sum()), turn(back, np.array(-yaw)), of_placement
-
-    def _keypoints(self, placed: Joints) -> Float[np.ndarray, "observed keypoints 3"]:
-        return np.einsum("kj,ojc->okc", self.joints, np.tensordot(self.times, placed, 1))
-
-
-def robust(far: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
-    """Returns Huber's weights of distances, which are in deviations."""
-    return _HUBER / np.maximum(far, _HUBER)
-
-
-def tilt(points: Float[np.ndarray, "*batch 3"], pitch: float) -> Float[np.ndarray, "*batch 3"]:
-    """Rotates points about x; a positive angle, radians, moves +y toward +z."""
-    c, s = np.cos(pitch), np.sin(pitch)
-    x, y, z = points[..., 0], points[..., 1], points[..., 2]
-    return np.stack([x, c * y - s * z, s * y + c * z], axis=-1)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.measure import limbs, whole_body
-from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, FloorPath, among
+from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, among
 from latentmotion.measure.signals import Signals, activity_of, measure, twist_of
 from latentmotion.measure.whole_body import POSES
 
@@ -48,9 +48,14 @@ _SOURCES = (
 )
 
 
+def _lazy(function: Callable[[Measured], Any]) -> Any:
+    """Returns a property that is measured when it is first asked for, in place of a field."""
+    return cached_property(function)
+
+
 def _of_signals(function: Callable[[Signals], Any]) -> Any:
-    """Returns a property that is measured from the signals alone, in place of a field."""
-    return cached_property(lambda measured: function(measured.signals))
+    """Returns such a property that is measured from the signals alone."""
+    return _lazy(lambda scene: function(scene.signals))
 
 
 def _order(event: Event) -> tuple[int, str, str]:
@@ -96,40 +101,16 @@ class Measured(Description):
         return tuple(sorted(events, key=_order))
 
     @cached_property
-    def path(self) -> FloorPath:
-        """Its path over the floor."""
-        return whole_body.path_of(self.signals, self.turns)
-
-    @cached_property
     def moves(self) -> tuple[Event, ...]:
         """Gaits and pauses, one after another without gaps."""
         return whole_body.moves_of(self.signals, self.running, limbs.treading_of(self.signals))
 
-    @cached_property
-    def running(self) -> Float[np.ndarray, " frames"]:
-        """Share of running around each frame."""
-        return limbs.running_of(self.flights, self.signals)
-
-    @cached_property
-    def jumps(self) -> list[Event]:
-        """Jumps, hops and leaps."""
-        return limbs.jumps_of(self.signals, self.flights, self.running)
-
-    @cached_property
-    def knees(self) -> list[Event]:
-        """Raised knees that are no kicks."""
-        return limbs.knees_of(self.signals, self.kicks)
-
-    @cached_property
-    def changes(self) -> list[Event]:
-        """Changes of posture."""
-        return whole_body.changes_of(self.postures)
-
-    @cached_property
-    def dips(self) -> list[Event]:
-        """Squats, bows and what is picked up."""
-        return whole_body.dips_of(self.signals, self.changes)
-
+    path = _lazy(lambda scene: whole_body.path_of(scene.signals, scene.turns))
+    running = _lazy(lambda scene: limbs.running_of(scene.flights, scene.signals))
+    jumps = _lazy(lambda scene: limbs.jumps_of(scene.signals, scene.flights, scene.running))
+    knees = _lazy(lambda scene: limbs.knees_of(scene.signals, scene.kicks))
+    changes = _lazy(lambda scene: whole_body.changes_of(scene.postures))
+    dips = _lazy(lambda scene: whole_body.dips_of(scene.signals, scene.changes))
     turns = _of_signals(whole_body.turns_of)
     postures = _of_signals(whole_body.postures_of)
     flights = _of_signals(limbs.flights_of)
