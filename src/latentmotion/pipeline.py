@@ -52,13 +52,7 @@ from latentmotion.engine.backend import (
     FeatureEncoder,
     representation_of,
 )
-from latentmotion.engine.encoder import (
-    MAX_PROMPTS,
-    CachedTextEncoder,
-    LazyTextEncoder,
-    MemoryCachedTextEncoder,
-    silent_of_unknown,
-)
+from latentmotion.engine import encoder as encoders
 from latentmotion.engine.lengths import TAKE_QUANTILES, LengthFile, within
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import LazySession, PickledByFields, Runtime, Session
@@ -200,12 +194,14 @@ class MotionPipeline(PickledByFields):
         def text_encoder() -> TextEncoder:
             files = cards.find_text_encoder(card, folder)
             task = card.condition
-            encoder = LazyTextEncoder(
+            encoder = encoders.LazyTextEncoder(
                 files[0].parent, task.text_encoder or "", task.condition_width
             )
             if cache is None:
                 return encoder
-            return CachedTextEncoder(encoder, cache / "prompts", files, MAX_PROMPTS)
+            return encoders.CachedTextEncoder(
+                encoder, cache / "prompts", files, encoders.MAX_PROMPTS
+            )
 
         lengths = cards.file_beside(card, folder, cards.LENGTHS_FILE)
         moves = cards.moves_files(card, folder)
@@ -657,7 +653,7 @@ class MotionPipeline(PickledByFields):
             return Reading(prompt)
         translation = in_english(prompt)
         sentence = translation.english if translation else prompt
-        with silent_of_unknown():  # words that the denoiser need not read
+        with encoders.silent_of_unknown():  # words that the denoiser need not read
             reading = clips.chooser.read(sentence) if clips else Reading.of(sentence)
         return replace(reading, translation=str(translation)) if translation else reading
 
@@ -675,7 +671,9 @@ class MotionPipeline(PickledByFields):
         from latentmotion.retrieval.starts import LONGEST_SAMPLED, ClipStarts
 
         # A sentence is read for its doubts, for its clips and for the takes of several seeds.
-        text_encoder = MemoryCachedTextEncoder(self.condition.encoder, MAX_PROMPTS)
+        text_encoder = encoders.MemoryCachedTextEncoder(
+            self.condition.encoder, encoders.MAX_PROMPTS
+        )
         backend = self.backend
         index = joined(self.moves, fingerprint(self.card.latents), text_encoder.name)
 

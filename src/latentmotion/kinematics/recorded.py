@@ -16,14 +16,7 @@ from latentmotion.kinematics.humanoid import Humanoid
 from latentmotion.kinematics.inverse_kinematics import solve_batch
 from latentmotion.kinematics.rotations import matrix_between
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation
-from latentmotion.kinematics.standing import (
-    RestPose,
-    carriers,
-    rebased,
-    rest_stands,
-    standing_bases,
-    straightest,
-)
+from latentmotion.kinematics import standing
 
 Joints = Float[np.ndarray, "frames joints 3"]
 
@@ -44,9 +37,9 @@ class Recorded:
             body: Its joints by our names.
             joints: The positions of HumanML3D's 22.
         """
-        if not rest_stands(body):
-            bases = standing_bases(animation, body, joints)
-            animation = rebased(animation, bases, straightest(joints))
+        if not standing.rest_stands(body):
+            bases = standing.standing_bases(animation, body, joints)
+            animation = standing.rebased(animation, bases, standing.straightest(joints))
         return cls(animation, replace(body, skeleton=animation.skeleton))
 
     def cut(self, first: int, stop: int) -> Recorded:
@@ -70,7 +63,7 @@ class Recorded:
             solved: Rotations that were found from the positions alone, as many frames.
         """
         ours, theirs = solved.skeleton, self.body
-        axes = RestPose.of(theirs).axes
+        axes = standing.RestPose.of(theirs).axes
         source = theirs.skeleton.world_rotations(self.animation.rotations) @ axes
         rest, world = theirs.skeleton.rest_joints() @ axes, ours.world_rotations(solved.rotations)
         index, offsets = ours.names.index, np.asarray(ours.offsets)
@@ -106,7 +99,7 @@ class Recorded:
             for animation in solve_batch(pair, old.fps, HUMANML3D)
         )
         change = end @ np.swapaxes(start, -1, -2)
-        world = change[:, carriers(self.body)] @ old.skeleton.world_rotations(old.rotations)
+        world = change[:, standing.carriers(self.body)] @ old.skeleton.world_rotations(old.rotations)
         moved = replace(old, rotations=old.skeleton.local_rotations(world))
         pelvis, change_of_place = self.body.pelvis, pair[:, 1, 0] - pair[:, 0, 0]
         target = old.joints()[:, pelvis] + change_of_place
