@@ -43,19 +43,14 @@ def surface_of(rig: Rig) -> Mannequin:
     parts = []
     if isinstance(file, GltfFile):
         with damage(file.path):
-            for node, entry in enumerate(file.scene.nodes):
-                primitives = (
-                    file.document.entry("meshes", entry["mesh"])["primitives"]
-                    if ("mesh" in entry)
-                    else []
-                )
-                triangles = [
-                    primitive
-                    for primitive in primitives
-                    if primitive.get("mode", _TRIANGLES) == _TRIANGLES
-                ]
-                carried = [_primitive(file, node, primitive) for primitive in triangles]
-                parts += [part for part in carried if part is not None]
+            carried = [
+                _primitive(file, node, primitive)
+                for node, entry in enumerate(file.scene.nodes)
+                if "mesh" in entry
+                for primitive in file.document.entry("meshes", entry["mesh"])["primitives"]
+                if primitive.get("mode", _TRIANGLES) == _TRIANGLES
+            ]
+            parts = [part for part in carried if part is not None]
     if not parts:
         raise InputError(
             f"{file.path} has bones but no surface that they carry; expected a .glb, .vrm or .fbx "

@@ -7,8 +7,7 @@ stays as it was retargeted, at the scale of the legs. Hands below the floor are 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -62,34 +61,30 @@ def place_hands(
     scale, flesh = pose.rig.leg / source.leg, flesh_of(pose.rig)
     floor = np.minimum(0, scale * source.joints[..., 1].min(axis=1))
     for side in SIDES:
-        tips = f"{side}_fingertips"
         elbow, wrist = (source.position(f"{side}_{joint}") for joint in ("elbow", "wrist"))
         source_tips = wrist + BEYOND_WRIST["fingertips"] * unit(wrist - elbow)
-        lowest = np.minimum(0, scale * source_tips[:, 1])
-        pose = _lifted(pose, side, source.fps, partial(_tips_above, lowest, tips))
+        pose = _lifted(pose, side, source.fps, np.minimum(0, scale * source_tips[:, 1]))
         pose = _flat_on_floor(pose, side, source.fps)
         if flesh is not None and f"{side}_hand" in flesh.part:
-            pose = _lifted(pose, side, source.fps, partial(_hand_above, floor, flesh, side))
+            pose = _lifted(pose, side, source.fps, floor, flesh)
     return pose
 
 
 Heights = Float[np.ndarray, " frames"]
 
 
-def _lifted(pose: RigPose, side: str, fps: float, above: Callable[[RigPose], Heights]) -> RigPose:
-    """Returns the pose with a hand lifted by its arm where it is below what it may be."""
+def _lifted(
+    pose: RigPose, side: str, fps: float, floor: Heights, flesh: Flesh | None = None
+) -> RigPose:
+    """Returns the pose with fingertips, or a hand's flesh, lifted by the arm to the floor."""
+    tips, reach = f"{side}_fingertips", max(1, round(0.1 * fps))
     for _ in range(2):  # the hand turns with its forearm
-        lift = smoothing.upper_envelope(np.maximum(0, -above(pose)), max(1, round(0.1 * fps)))
-        pose = _bent(pose, f"{side}_fingertips", lift[:, None] * np.array([0.0, 1.0, 0.0]))
+        height = point_of(pose, tips)[:, 1]
+        if flesh is not None:
+            height = flesh.heights(pose)[:, flesh.part == f"{side}_hand"].min(axis=1)
+        lift = smoothing.upper_envelope(np.maximum(0, floor - height), reach)
+        pose = _bent(pose, tips, lift[:, None] * np.array([0.0, 1.0, 0.0]))
     return pose
-
-
-def _tips_above(lowest: Heights, tips: str, pose: RigPose) -> Heights:
-    return point_of(pose, tips)[:, 1] - lowest
-
-
-def _hand_above(floor: Heights, flesh: Flesh, side: str, pose: RigPose) -> Heights:
-    return flesh.heights(pose)[:, flesh.part == f"{side}_hand"].min(axis=1) - floor
 
 
 def _flat_on_floor(pose: RigPose, side: str, fps: float) -> RigPose:

@@ -16,7 +16,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -32,14 +31,6 @@ from latentmotion.kinematics.skeleton import Animation, Skeleton
 
 # Changes of a rotation or a position up to which a bone counts as resting.
 _STILL = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class RigTake:
-    """One animation, in the axes and unit of the file that it is written to."""
-
-    name: str  # Its name in the file.
-    animation: Animation  # Of the file's own skeleton.
 
 
 class RigFile(ABC):
@@ -58,8 +49,10 @@ class RigFile(ABC):
     endings: tuple[str, ...] = (".bvh",)  # File endings that `write` supports.
 
     @abstractmethod
-    def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:
-        """Writes the file again, with these takes."""
+    def write(
+        self, path: Path, animations: Sequence[Animation], names: Sequence[str]
+    ) -> list[Path]:
+        """Writes the file again, with these animations in its axes and unit."""
 
 
 def open_rig(path: str | Path) -> RigFile:
@@ -106,27 +99,29 @@ class GltfFile(RigFile):
         self.root = self.scene.rest.positions[0]
         self.movable = frozenset(range(len(self.skeleton)))
 
-    def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:
+    def write(
+        self, path: Path, animations: Sequence[Animation], names: Sequence[str]
+    ) -> list[Path]:
         """Writes the document with these animations, which replace others of the same name.
 
         FBX is written by the user's Blender.
         """
         if path.suffix.lower() == ".fbx":
-            return fbx.convert(partial(self.write, takes=takes), path, takes[0].animation.fps)
+            write_glb = partial(self.write, animations=animations, names=names)
+            return fbx.convert(write_glb, path, animations[0].fps)
         with gltf_reader.damage(self.path):
             document = deepcopy(self.document)
             for node, entry in self.scene.entries_at_rest():
                 document.json["nodes"][node] = entry
-            names = {take.name for take in takes}
-            animations = document.json.get("animations", [])
-            if not isinstance(animations, list):
-                raise TypeError(f"animations: expected a list, found {animations!r:.40}")
-            animations = [entry for entry in animations if entry.get("name") not in names]
-            for take in takes:
-                times = (np.arange(len(take.animation)) / take.animation.fps).astype("f4")
+            old = document.json.get("animations", [])
+            if not isinstance(old, list):
+                raise TypeError(f"animations: expected a list, found {old!r:.40}")
+            entries = [entry for entry in old if entry.get("name") not in names]
+            for name, animation in zip(names, animations, strict=True):
+                times = (np.arange(len(animation)) / animation.fps).astype("f4")
                 clock = document.add_array(times, bounds=True)
                 channels, samplers = [], []
-                for number, (node, channel, values) in enumerate(self._tracks(take.animation)):
+                for number, (node, channel, values) in enumerate(self._tracks(animation)):
                     entry = document.json["nodes"][node]
                     if "matrix" in entry:  # animated nodes must have its parts instead
                         entry |= self.scene.transforms[node].parts()
@@ -134,8 +129,8 @@ class GltfFile(RigFile):
                     output = document.add_array(values.astype("f4"))
                     samplers.append({"input": clock, "output": output})
                     channels.append({"sampler": number, "target": {"node": node, "path": channel}})
-                animations.append({"name": take.name, "channels": channels, "samplers": samplers})
-            document.json["animations"] = animations
+                entries.append({"name": name, "channels": channels, "samplers": samplers})
+            document.json["animations"] = entries
         document.write(path)
         return [path]
 
@@ -201,11 +196,13 @@ class BvhFile(RigFile):
             if {axis for axis, kind in node.channels if kind == "position"} == set("XYZ")
         )
 
-    def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:
-        """Writes one file for each take: `out.bvh`, or `out-1.bvh`, `out-2.bvh` and so on."""
-        paths = numbered(path, len(takes))
-        for target, take in zip(paths, takes, strict=True):
-            animation, columns = take.animation, []
+    def write(
+        self, path: Path, animations: Sequence[Animation], names: Sequence[str]
+    ) -> list[Path]:
+        """Writes one file for each animation: `out.bvh`, or `out-1.bvh`, `out-2.bvh` and so on."""
+        paths = numbered(path, len(animations))
+        for target, animation in zip(paths, animations, strict=True):
+            columns = []
             for joint, node in enumerate(self.nodes):
                 # Angles about axes that a joint does not have are left out.
                 order = node.order + "".join(axis for axis in "ZXY" if axis not in node.order)

@@ -49,7 +49,7 @@ from latentmotion.kinematics.standing import RestPose, facing_at_rest
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
 from latentmotion.render.mannequin import Mannequin
-from latentmotion.retarget import feet, flesh, hands, rig_files
+from latentmotion.retarget import feet, flesh, hands
 from latentmotion.retarget.rig import Rig, RigPose, Rotations, SourceCharacter
 
 _LIMBS = (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
@@ -240,10 +240,7 @@ def write_animations(
 ) -> list[Path]:
     """Writes a rig with animations of it; see `write`."""
     if target.suffix.lower() in rig.file.endings:
-        takes = [
-            rig_files.RigTake(n, rig.in_file(a)) for n, a in zip(names, animations, strict=True)
-        ]
-        return rig.file.write(target, takes)
+        return rig.file.write(target, [rig.in_file(each) for each in animations], names)
     paths = numbered(target, len(animations))
     for output, animation in zip(paths, animations, strict=True):
         bvh.write_bvh(output, animation)
@@ -282,16 +279,17 @@ def _chain(source: Sequence[Rotations], joints: Sequence[int]) -> dict[int, Rota
 
 def _limbs(source: SourceCharacter, rig: Rig) -> dict[int, Rotations]:
     rotations, rest, source_rest = {}, rig.rest(), source.rest()
+    ours, theirs = rig.body.joints, source.body.joints
     for side in SIDES:
         for limb in _LIMBS:
             names = [f"{side}_{joint}" for joint in limb]
             align = np.eye(3)
             for upper, lower in pairwise(names):
-                bone = align @ _bone(rest, rig.body, upper, lower)
-                target = _bone(source_rest, source.body, upper, lower)
-                align = matrix_between(bone, target) @ align
-                rotations[rig.body.joints[upper]] = source.rotation(upper) @ align
-            rotations[rig.body.joints[names[-1]]] = source.rotation(names[-1]) @ align
+                bone = rest[ours[lower]] - rest[ours[upper]]
+                target = source_rest[theirs[lower]] - source_rest[theirs[upper]]
+                align = matrix_between(align @ bone, target) @ align
+                rotations[ours[upper]] = source.rotation(upper) @ align
+            rotations[ours[names[-1]]] = source.rotation(names[-1]) @ align
             if limb[-1] == "wrist":
                 rotations |= _fingers(source, rig, names[-1], align)
     return rotations
@@ -312,10 +310,3 @@ def _fingers(
                 turn = matrix_between(turn @ bone, target) @ turn
             rotations[upper] = source.world[:, start] @ turn
     return rotations
-
-
-def _bone(
-    rest: Float[np.ndarray, "joints 3"], body: Humanoid, upper: str, lower: str
-) -> Float[np.ndarray, " 3"]:
-    bone = rest[body.joints[lower]] - rest[body.joints[upper]]
-    return bone / max(float(np.linalg.norm(bone)), 1e-12)

@@ -33,7 +33,7 @@ from latentmotion.kinematics.skeleton import BODY, HUMANML3D, Animation, Skeleto
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.retarget.rig import Rig, make_rig
-from latentmotion.retarget.rig_files import RigFile, RigTake
+from latentmotion.retarget.rig_files import RigFile
 from latentmotion.retarget.transfer import retarget
 
 
@@ -47,7 +47,9 @@ class RequestedRig(RigFile):
 
     path, unit, movable, endings = Path("the request's skeleton"), 1.0, frozenset({0}), ()
 
-    def write(self, path: Path, takes: Sequence[RigTake]) -> list[Path]:
+    def write(
+        self, path: Path, animations: Sequence[Animation], names: Sequence[str]
+    ) -> list[Path]:
         """Writes nothing: the answer is made by the protocol."""
         raise NotImplementedError
 
