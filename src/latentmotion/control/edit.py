@@ -38,6 +38,7 @@ from latentmotion.control.reach import (
 )
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError, hint
+from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.inverse_kinematics import nearest_rotation
 from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.model.config import STRIDE, Sampling
@@ -505,32 +506,25 @@ class BodyPart:
 
 _CHEST = ("spine3", "neck", "left_shoulder", "right_shoulder", "left_collar", "right_collar")
 _HIPS = ("pelvis", "left_hip", "right_hip", "spine1")
-
-
-def _side(side: str) -> dict[str, BodyPart]:
-    arm, leg = (f"{side}_elbow", f"{side}_wrist"), ("knee", "ankle", "foot")
-    return {
-        f"{side}_arm": BodyPart(arm, _CHEST),
-        f"{side}_leg": BodyPart(tuple(f"{side}_{joint}" for joint in leg), _HIPS),
-    }
-
-
 _TRUNK = ("spine2", "spine3", "neck", "head", "left_collar", "right_collar")
-_SIDES = {**_side("left"), **_side("right")}
+_ARM, _LEG = ("elbow", "wrist"), ("knee", "ankle", "foot")
+
+
+def _of(joints: Sequence[str], *sides: str) -> tuple[str, ...]:
+    return tuple(f"{side}_{joint}" for side in sides for joint in joints)
+
+
 # The parts that can be generated alone.
 PARTS: Mapping[str, BodyPart] = MappingProxyType(
     {
-        **_SIDES,
-        "arms": BodyPart(_SIDES["left_arm"].joints + _SIDES["right_arm"].joints, _CHEST),
-        "legs": BodyPart(_SIDES["left_leg"].joints + _SIDES["right_leg"].joints, _HIPS),
+        "left_arm": BodyPart(_of(_ARM, "left"), _CHEST),
+        "left_leg": BodyPart(_of(_LEG, "left"), _HIPS),
+        "right_arm": BodyPart(_of(_ARM, "right"), _CHEST),
+        "right_leg": BodyPart(_of(_LEG, "right"), _HIPS),
+        "arms": BodyPart(_of(_ARM, *SIDES), _CHEST),
+        "legs": BodyPart(_of(_LEG, *SIDES), _HIPS),
         "head": BodyPart(("head",), _CHEST),
-        "upper_body": BodyPart(
-            (
-                *_TRUNK,
-                *(f"{s}_{j}" for j in ("shoulder", "elbow", "wrist") for s in ("left", "right")),
-            ),
-            _HIPS,
-        ),
+        "upper_body": BodyPart((*_TRUNK, *_of(("shoulder", *_ARM), *SIDES)), _HIPS),
     }
 )
 

@@ -21,6 +21,7 @@ from importlib import resources
 import numpy as np
 from jaxtyping import Float, Int
 
+from latentmotion.kinematics.bone_names import REQUIRED
 from latentmotion.kinematics.rotations import matrix_between
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.motion import Motion
@@ -31,11 +32,7 @@ GREY = (0.57, 0.60, 0.65)  # Linear RGB of the body.
 ACCENT = (0.028, 0.275, 0.337)
 
 # Joints without which a skeleton is drawn as sticks.
-_NEEDED = frozenset({"pelvis", "head"}) | {
-    f"{side}_{joint}"
-    for side in ("left", "right")
-    for joint in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
-}
+_NEEDED = frozenset({"pelvis", "head", *REQUIRED})
 
 # Edges of a stick's cross-section.
 _SIDES = 10
