@@ -44,6 +44,7 @@ from latentmotion.diffusion.samplers import (
     sampler_named,
 )
 from latentmotion.diffusion.schedule import FewStepSchedule, StepCondition
+from latentmotion.engine import encoder as encoders
 from latentmotion.engine import request as requests
 from latentmotion.engine.backend import (
     Backend,
@@ -52,7 +53,6 @@ from latentmotion.engine.backend import (
     FeatureEncoder,
     representation_of,
 )
-from latentmotion.engine import encoder as encoders
 from latentmotion.engine.lengths import TAKE_QUANTILES, LengthFile, within
 from latentmotion.engine.request import GenerationRequest
 from latentmotion.engine.session import LazySession, PickledByFields, Runtime, Session

@@ -127,18 +127,15 @@ class Heun:
     ) -> Iterator[Latents]:
         """Yields the latents after each step."""
         for t, s in pairwise(times):
-            z = self._step(estimate, z, t, s)
+            alpha, sigma = self.schedule.alpha(s), self.schedule.sigma(s)
+            z0, epsilon = estimate(z, t)
+            guess = alpha * z0 + sigma * epsilon
+            if sigma != 0:
+                later = estimate(guess, s)
+                rise, fall = alpha - self.schedule.alpha(t), sigma - self.schedule.sigma(t)
+                guess = z + rise * (z0 + later[0]) / 2 + fall * (epsilon + later[1]) / 2
+            z = guess
             yield z
-
-    def _step(self, estimate: Estimate, z: Latents, t: float, s: float) -> Latents:
-        alpha, sigma = self.schedule.alpha(s), self.schedule.sigma(s)
-        z0, epsilon = estimate(z, t)
-        guess = alpha * z0 + sigma * epsilon
-        if sigma == 0:
-            return guess
-        later = estimate(guess, s)
-        rise, fall = alpha - self.schedule.alpha(t), sigma - self.schedule.sigma(t)
-        return z + rise * (z0 + later[0]) / 2 + fall * (epsilon + later[1]) / 2
 
 
 @dataclass(frozen=True)
@@ -162,13 +159,10 @@ class DPMSolver:
             size = self._lambda(s) - self._lambda(t) if s != t else 0.0
             usable = before is not None and last > 0 and math.isfinite(last * size)
             ahead = z0 + size / (2 * last) * (z0 - before) if usable else z0
-            z = self._step(ahead, z, t, s)
+            ratio = self.schedule.sigma(s) / self.schedule.sigma(t)
+            z = ratio * z + (self.schedule.alpha(s) - self.schedule.alpha(t) * ratio) * ahead
             before, last = z0, size
             yield z
-
-    def _step(self, z0: Latents, z: Latents, t: float, s: float) -> Latents:
-        ratio = self.schedule.sigma(s) / self.schedule.sigma(t)
-        return ratio * z + (self.schedule.alpha(s) - self.schedule.alpha(t) * ratio) * z0
 
     def _lambda(self, t: float) -> float:
         alpha, sigma = self.schedule.alpha(t), self.schedule.sigma(t)

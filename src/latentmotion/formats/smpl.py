@@ -39,12 +39,12 @@ import json
 import math
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from latentmotion.errors import FileFormatError, InputError, ReadingWarning
 from latentmotion.formats import numbered
@@ -272,15 +272,10 @@ _SHORTEST = 0.1
 _PERSONS, _CAMERA = "hps", "camera.npy"
 
 
-@dataclass(frozen=True, eq=False)
-class PersonTrack:
-    """A person in the frames in which it is seen."""
-
-    # Of SMPL's first joints relative to their parents.
-    rotations: Float[np.ndarray, "frames joints 3 3"]
-    # Translation of the template in the world, meters; None in a camera's axes.
-    trans: Float[np.ndarray, "frames 3"] | None
-    frames: Int[np.ndarray, " frames"]  # Numbers of the frames, rising.
+# A person in the frames in which it is seen: rotations of SMPL's first joints relative to their
+# parents; translations of the template in the world, meters, None in a camera's axes; numbers of
+# the frames, rising.
+PersonTrack = tuple[np.ndarray, np.ndarray | None, np.ndarray]
 
 
 def read(path: str | Path) -> list[SkeletonTake]:
@@ -303,11 +298,10 @@ def read(path: str | Path) -> list[SkeletonTake]:
             f"found no poses of SMPL in it ({keys or type(content).__name__}); expected results of "
             "WHAM, GVHMR, 4D-Humans, ROMP, TRAM, VIBE or AIST++",
         )
-    tracks.sort(key=lambda track: -len(track.frames))
-    least = _SHORTEST * len(tracks[0].frames)
+    tracks.sort(key=lambda track: -len(track[2]))
+    least = _SHORTEST * len(tracks[0][2])
     takes = []
-    for track in (track for track in tracks if len(track.frames) >= least):
-        rotations, trans, frames = track.rotations, track.trans, track.frames
+    for rotations, trans, frames in (track for track in tracks if len(track[2]) >= least):
         whole = np.arange(frames[0], frames[-1] + 1)
         if len(whole) > limits.MOST_FRAMES:
             raise FileFormatError(path, f"a person of more than {limits.MOST_FRAMES:,} frames")
@@ -437,4 +431,4 @@ def _track(person: Mapping[str, Any], path: Path) -> PersonTrack:
         rotations[:, 0] = turn @ rotations[:, 0]
         trans = np.einsum("tab,tb->ta", turn, trans + PELVIS) + shift - PELVIS
     frames, order = np.unique(frames, return_index=True)
-    return PersonTrack(rotations[order], None if trans is None else trans[order], frames)
+    return rotations[order], None if trans is None else trans[order], frames

@@ -43,10 +43,8 @@ def main() -> None:
     children.limit("CPU", limits.USD_SECONDS)
     children.limit("CORE", 0)
     try:
-        with (
-            np.errstate(all="ignore"),
-            reading.blamed_on(source),
-        ):  # results are checked to be finite
+        # Results are checked to be finite.
+        with np.errstate(all="ignore"), reading.blamed_on(source):
             figure, frames = _Figure(source), 0
             skeleton = figure.skeleton
             arrays: dict[str, Any] = {

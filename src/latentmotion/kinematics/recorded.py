@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from latentmotion.kinematics import standing
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import Humanoid
 from latentmotion.kinematics.inverse_kinematics import solve_batch
 from latentmotion.kinematics.rotations import matrix_between
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation
-from latentmotion.kinematics import standing
 
 Joints = Float[np.ndarray, "frames joints 3"]
 
@@ -98,8 +98,8 @@ class Recorded:
             animation.skeleton.world_rotations(animation.rotations)
             for animation in solve_batch(pair, old.fps, HUMANML3D)
         )
-        change = end @ np.swapaxes(start, -1, -2)
-        world = change[:, standing.carriers(self.body)] @ old.skeleton.world_rotations(old.rotations)
+        change = (end @ np.swapaxes(start, -1, -2))[:, standing.carriers(self.body)]
+        world = change @ old.skeleton.world_rotations(old.rotations)
         moved = replace(old, rotations=old.skeleton.local_rotations(world))
         pelvis, change_of_place = self.body.pelvis, pair[:, 1, 0] - pair[:, 0, 0]
         target = old.joints()[:, pelvis] + change_of_place

@@ -250,14 +250,14 @@ class MotionVAEConfig(ABC):
     def latent_space(self) -> LatentSpace:
         """Returns shape of the latents; their scale is measured once the VAE is trained."""
 
-    @abstractmethod
     def scaled(self, width: int, layers: Mapping[int, int]) -> MotionVAEConfig:
-        """Returns the same family in another size and without dropout.
+        """Returns the same family in another size and without dropout, if it has a size.
 
         Args:
             width: Width inside.
             layers: New numbers of a transformer's layers by the old.
         """
+        return self
 
     def for_data(self: Config, features: int, frames: int) -> Config:
         """Returns the configuration for so many features, and motions of at most so many frames."""
@@ -271,9 +271,8 @@ class MotionVAEConfig(ABC):
         """Returns how many tokens to either side a decoded frame depends on; None for all."""
         return None
 
-    def check_training(self, frames: int, batch_size: int) -> None:
+    def check_training(self, frames: int, batch_size: int) -> None:  # noqa: B027
         """Raises InputError where it can't learn from motions so long, or so few at once."""
-        return
 
 
 @dataclass(frozen=True)
@@ -435,10 +434,6 @@ class IdentityVAEConfig(MotionVAEConfig):
         """Returns one token per frame."""
         return LatentSpace(self.features, frames_per_token=1)
 
-    def scaled(self, width: int, layers: Mapping[int, int]) -> IdentityVAEConfig:
-        """Returns itself: without weights there is nothing to scale."""
-        return self
-
 
 @dataclass(frozen=True)
 class PluginVAEConfig(MotionVAEConfig):
@@ -453,10 +448,6 @@ class PluginVAEConfig(MotionVAEConfig):
     def latent_space(self) -> LatentSpace:
         """Returns the shape that the configuration states."""
         return self.space
-
-    def scaled(self, width: int, layers: Mapping[int, int]) -> PluginVAEConfig:
-        """Returns itself: its sizes are settings of its own."""
-        return self
 
 
 # Every kind of VAE that a card or an experiment can name.

@@ -162,8 +162,7 @@ class Normalizer:
 
     def normalize(self, features: Float[Any, "*batch features"]) -> Float[Any, "*batch features"]:
         """Returns features as networks see them."""
-        mean, std = self._like(features)
-        return (features - mean) / std
+        return Scale(*self._like(features)).normalize(features)
 
     def denormalize(self, features: Float[Any, "*batch features"]) -> Float[Any, "*batch features"]:
         """Returns a network's output as features of the representation."""

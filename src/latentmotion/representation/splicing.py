@@ -86,8 +86,9 @@ def splice(
     # standing feet most of all.
     goal, pose = first[-1], second[0]
     weights = np.ones(len(skeleton))
+    leaving, arriving = first[-1] - first[-2], second[1] - second[0]
     for joint in (*skeleton.left_foot, *skeleton.right_foot):
-        ends = _boundary_step(first, -1)[joint], _boundary_step(second, 0)[joint]
+        ends = leaving[joint], arriving[joint]
         low = max(goal[joint, 1], pose[joint, 1]) < _STANDING_HEIGHT
         if low and max(np.linalg.norm(step) * fps for step in ends) < _STANDING_SPEED:
             weights[joint] = _STANDING_WEIGHT
@@ -100,7 +101,7 @@ def splice(
     move = centers[0] - turn(centers[1], angle)
     second = turn(second, angle) + move * np.array([1.0, 0.0, 1.0])
     offset = first[-1] - second[0]
-    speed = _boundary_step(first, -1) - _boundary_step(second, 0)
+    speed = leaving - (second[1] - second[0])
     frames = min(round(seconds * fps), len(second) - 1)
     s = (np.arange(frames) / frames)[:, None, None]
     # Quintic: offset, velocity and acceleration are continuous at both ends (Bollo 2018).
@@ -123,8 +124,3 @@ def seam_of(joints: Joints, seam: int, fps: float, skeleton: Skeleton, frames: i
     slide = float(steps[still].mean()) if still.any() else 0.0
     jerk = np.linalg.norm(np.diff(window, n=3, axis=0), axis=-1).max() * fps**3
     return Seam(slide, float(jerk), float(window[..., 1].min()))
-
-
-def _boundary_step(joints: Joints, frame: int) -> Float[np.ndarray, "joints 3"]:
-    """Returns the step to the next frame at the start, from the one before at the end."""
-    return joints[1] - joints[0] if frame == 0 else joints[-1] - joints[-2]

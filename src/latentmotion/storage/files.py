@@ -156,17 +156,12 @@ def check_replaceable(path: str | Path, marker: str) -> None:
         InputError: The parent cannot be written, or there is something else in this place.
     """
     target = Path(path)
-    make_parent(target)
+    with suppress(OSError, ValueError):
+        target.absolute().parent.mkdir(parents=True, exist_ok=True)
     check_writable(target)
     occupied = target.is_file() or (target.is_dir() and any(target.iterdir()))
     if occupied and not (target / marker).is_file():
         raise InputError(f"{target} exists and has no {marker}; choose another folder")
-
-
-def make_parent(path: Path) -> None:
-    """Makes the folder in which another folder is written, if it can be; else nothing is done."""
-    with suppress(OSError, ValueError):
-        path.absolute().parent.mkdir(parents=True, exist_ok=True)
 
 
 def check_writable(path: str | Path) -> None:
