@@ -30,7 +30,6 @@ from latentmotion.data.clip import Caption
 from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.interface import TextMotionEvaluator, load_evaluator
 from latentmotion.evaluation.metrics import ranks
-from latentmotion.evaluation.scores import reads_text
 from latentmotion.motion import features_of
 from latentmotion.ranking.scorer import shipped_scorer
 from latentmotion.storage.reading import read_text
@@ -73,7 +72,7 @@ def main(asked: Wordings) -> None:
     """Generates, ranks and prints."""
     warnings.simplefilter("ignore")  # words that are unknown to the text encoder
     pairs, evaluator = read_pairs(asked.wordings), load_evaluator(asked.evaluator)
-    if not reads_text(evaluator):
+    if not isinstance(evaluator, TextMotionEvaluator):
         raise SystemExit(f"{asked.evaluator} knows actions, not sentences; name another evaluator")
     generate = MotionPipeline.from_pretrained(asked.model, threads=1)
     captions, own = (

@@ -18,6 +18,7 @@ from latentmotion.evaluation.metrics import (
     ave,
     distances,
     diversity,
+    drawn_diversity,
     fid,
     frechet_distance,
     joint_errors,
@@ -28,7 +29,6 @@ from latentmotion.evaluation.metrics import (
     parts_of,
     r_precision,
     ranks,
-    shared_pairs_multimodality,
 )
 from latentmotion.kinematics.plausibility import foot_sliding, jitter, penetration, skating_ratio
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
@@ -110,7 +110,7 @@ def test_shared_pairs_by_hand() -> None:
     groups = np.array([[[0.0, 0], [3, 4], [6, 8]], [[1.0, 1], [1, 1], [1, 2]]])
     one, other = np.array([0, 1, 2]), np.array([1, 1, 0])
     expected = np.mean([5, 0, 10, 0, 0, 1])
-    assert shared_pairs_multimodality(groups, one, other) == pytest.approx(expected)
+    assert drawn_diversity(groups, one, other) == pytest.approx(expected)
 
 
 def test_a_motion_as_far_as_the_own_ranks_after_it(random: np.random.Generator) -> None:

@@ -12,7 +12,7 @@ from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.engine.encoder import StudentTextEncoder
 from latentmotion.errors import ModelError
-from latentmotion.evaluation.evaluators.interface import load_evaluator
+from latentmotion.evaluation.evaluators.interface import TextMotionEvaluator, load_evaluator
 from latentmotion.evaluation.evaluators.text_motion import (
     T2MEvaluator,
     TextMotionCard,
@@ -22,7 +22,6 @@ from latentmotion.evaluation.evaluators.text_motion import (
 )
 from latentmotion.evaluation.evaluators.text_motion_network import TextMotionConfig, TowerConfig
 from latentmotion.evaluation.evaluators.words import EncodedWords
-from latentmotion.evaluation.scores import reads_text
 from latentmotion.model.card import find_model
 from latentmotion.ranking.scorer import Scorer
 from latentmotion.ranking.search import read_training_vectors
@@ -76,7 +75,7 @@ def test_the_exported_scorer_repeats_the_networks(
     found = evaluator.texts([Caption(text, 0, 1) for text in texts])
     assert np.abs(scorer.texts(texts) - found).max() < 2e-3
     judge = load_evaluator(tmp_path / "scorer")
-    assert reads_text(judge) and judge.fingerprint == evaluator.fingerprint
+    assert isinstance(judge, TextMotionEvaluator) and judge.fingerprint == evaluator.fingerprint
     assert np.array_equal(judge.motions(features), scorer.embed(features))
     assert np.array_equal(judge.texts([Caption(text, 0, 1) for text in texts]), scorer.texts(texts))
     assert len(read_training_vectors(scorer).clips) == len(data.clips("train"))
@@ -90,7 +89,8 @@ def test_the_shipped_scorer_is_an_evaluator_by_name(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     judge = load_evaluator(Path("scorer"))
-    assert reads_text(judge) and judge.width == 128 and len(judge.fingerprint) == 64
+    assert isinstance(judge, TextMotionEvaluator)
+    assert judge.width == 128 and len(judge.fingerprint) == 64
 
 
 def test_other_evaluators_are_refused(evaluator: T2MEvaluator, tmp_path: Path) -> None:

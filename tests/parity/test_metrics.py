@@ -19,7 +19,6 @@ from latentmotion.evaluation.metrics import (
     pa_errors,
     r_precision,
     ranks,
-    shared_pairs_multimodality,
 )
 
 Golden = dict[str, np.ndarray]
@@ -80,4 +79,4 @@ def test_multimodality_of_shared_pairs(golden: Golden) -> None:
     groups = golden["multimodality_embeddings"]
     one, other = golden["multimodality_index_a"], golden["multimodality_index_b"]
     expected = float(golden["multimodality_first20"])
-    assert shared_pairs_multimodality(groups, one, other) == pytest.approx(expected, rel=1e-5)
+    assert drawn_diversity(groups, one, other) == pytest.approx(expected, rel=1e-5)

@@ -25,7 +25,7 @@ from latentmotion.diffusion.condition import TASKS, TaskName
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation import scores as scoring
 from latentmotion.evaluation.candidates import Candidate, Generated, Motions
-from latentmotion.evaluation.evaluators.interface import Evaluator
+from latentmotion.evaluation.evaluators.interface import Evaluator, TextMotionEvaluator
 from latentmotion.evaluation.protocol import CLEAN, HELD, Lengths, Protocol, Replication, TestSet
 from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report, provenance_of
 from latentmotion.evaluation.scores import EmbeddingCache, Embeddings, PositionScores, Scores
@@ -99,7 +99,7 @@ def build_test_set(
     if len(tasks) > 1:
         raise InputError(f"models of the tasks {', '.join(sorted(tasks))}: evaluate them apart")
     clips = dataset.clips(protocol.split)
-    by_text = evaluator is None or scoring.reads_text(evaluator)
+    by_text = evaluator is None or isinstance(evaluator, TextMotionEvaluator)
     rebuilt = any(candidate.reconstructs for candidate in candidates)
     needs: TaskName = "unconditional"
     if tasks:
@@ -345,7 +345,7 @@ def notes_of(
     ]
     if evaluator is None:
         notes.append("no evaluator, so metrics of positions alone")
-    elif scoring.reads_text(evaluator):
+    elif isinstance(evaluator, TextMotionEvaluator):
         notes += _notes_on_text(test_set, evaluator.width)
     notes += scoring.notes_on_joints(test_set.dataset, evaluator)
     if evaluator is not None and not protocol.quirks.permuted_truth:

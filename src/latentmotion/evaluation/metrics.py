@@ -163,7 +163,7 @@ def acceleration_errors(predicted: Joints, true: Joints) -> Float[np.ndarray, " 
     return np.linalg.norm(np.diff(apart, n=2, axis=0), axis=-1).mean(axis=-1)
 
 
-Parts = Mapping[str, Float[np.ndarray, "frames points axes"]]
+Parts = Mapping[str, Float[np.ndarray, "_ points axes"]]
 
 
 def parts_of(joints: Joints, skeleton: Skeleton) -> Parts:
@@ -184,14 +184,15 @@ def ape(predicted: Parts, true: Parts) -> dict[str, float]:
 
 def ave(predicted: Parts, true: Parts) -> dict[str, float]:
     """Returns the error of each part's variance over time, in the squared unit of the joints."""
+    return ape(_variances(predicted), _variances(true))
+
+
+def _variances(parts: Parts) -> Parts:
+    """Returns the unbiased variances of each part, as a single frame; 0 of a single one."""
     return {
-        name: float(np.linalg.norm(_variance(predicted[name]) - _variance(part), axis=-1).mean())
-        for name, part in true.items()
+        name: part.var(axis=0, ddof=1, keepdims=True) if len(part) > 1 else np.zeros_like(part)
+        for name, part in parts.items()
     }
-
-
-def _variance(part: Float[np.ndarray, "frames points axes"]) -> Float[np.ndarray, "points axes"]:
-    return part.var(axis=0, ddof=1) if len(part) > 1 else np.zeros(part.shape[1:])
 
 
 # Frames of a mean.
@@ -302,11 +303,7 @@ def _root(covariance: Float[np.ndarray, "width width"]) -> Float[np.ndarray, "wi
     return (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
 
 
-def kid(
-    generated: Features,
-    real: Features,
-    paired: bool = False,
-) -> float:
+def kid(generated: Features, real: Features, paired: bool = False) -> float:
     """Returns the unbiased estimate from all pairs.
 
     Args:
@@ -413,18 +410,17 @@ def diversity(features: Features) -> float:
 
 
 def drawn_diversity(
-    features: Features,
-    first: Rows,
-    second: Rows,
+    features: Float[np.ndarray, "*groups _ width"], first: Rows, second: Rows
 ) -> float:
-    """Returns the mean distance of the given pairs.
+    """Returns the mean distance of the given pairs; of several groups, the same pairs of each.
 
     Args:
-        features: One row per motion.
+        features: One row per motion, or the rows of the motions of each caption.
         first: First item of each pair.
         second: Second item of each pair; the authors' draws let it be the same.
     """
-    return float(np.linalg.norm(features[first] - features[second], axis=1).mean())
+    apart = features[..., first, :] - features[..., second, :]
+    return float(np.linalg.norm(apart, axis=-1).mean())
 
 
 def multimodality(groups: Sequence[Features]) -> float:
@@ -434,21 +430,6 @@ def multimodality(groups: Sequence[Features]) -> float:
         groups: Features of the motions of each caption or label; those of one motion are left out.
     """
     return fmean([diversity(group) for group in groups if len(group) > 1] or [0.0])
-
-
-def shared_pairs_multimodality(
-    groups: Float[np.ndarray, "captions samples width"],
-    first: Rows,
-    second: Rows,
-) -> float:
-    """Returns the mean distance of the same pairs of samples of every caption.
-
-    Args:
-        groups: Features of the motions of each caption.
-        first: First sample of each pair.
-        second: Second sample of each pair; it can be the same.
-    """
-    return float(np.linalg.norm(groups[:, first] - groups[:, second], axis=2).mean())
 
 
 def label_pairs(

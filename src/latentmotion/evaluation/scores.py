@@ -99,15 +99,6 @@ class EmbeddingCache:
         return np.stack([self._texts[caption] for caption in captions])
 
 
-def reads_text(evaluator: Evaluator | None) -> TypeGuard[TextMotionEvaluator]:
-    """Returns whether an evaluator reads captions.
-
-    This is the only place that tells the two kinds apart: evaluators can be written by users, and
-    need not inherit from a class of this package.
-    """
-    return isinstance(evaluator, TextMotionEvaluator)
-
-
 Scores = dict[str, float]
 
 
@@ -174,7 +165,7 @@ def caption_multimodality(
         return metrics.multimodality(list(embeddings))
     pairs = min(repeats.pairs, repeats.samples)
     first, second = (generator.choice(repeats.samples, pairs, replace=False) for _ in range(2))
-    return metrics.shared_pairs_multimodality(embeddings, first, second)
+    return metrics.drawn_diversity(embeddings, first, second)
 
 
 def groups(

@@ -28,6 +28,7 @@ from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
 from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.encoder import StudentTextEncoder
+from latentmotion.engine.request import batches
 from latentmotion.errors import InputError, ModelError
 from latentmotion.evaluation.evaluators.interface import EVALUATOR_FILE, WEIGHTS_FILE
 from latentmotion.evaluation.evaluators.text_motion_network import (
@@ -109,8 +110,7 @@ class T2MEvaluator:
         Raises:
             InputError: A motion is shorter than four frames, or of other features.
         """
-        rows: dict[int, list[int]] = {}
-        for row, motion in enumerate(features):
+        for motion in features:
             frames, width = motion.shape
             if width != self.card.networks.features:
                 raise InputError(
@@ -121,14 +121,13 @@ class T2MEvaluator:
                 raise InputError(
                     f"a motion of {frames} frames; the evaluator needs {FRAMES} or more"
                 )
-            rows.setdefault(frames // FRAMES * FRAMES, []).append(row)
+        lengths = [len(motion) // FRAMES * FRAMES for motion in features]
         embeddings = np.zeros((len(features), self.width), np.float32)
-        for length in sorted(rows):
-            for batch in _batches(rows[length]):
-                motions = np.stack([features[row][:length] for row in batch]).astype(np.float32)
-                normalized = torch.from_numpy(self.normalizer.normalize(motions))
-                mask = torch.ones(normalized.shape[:2], dtype=torch.bool)
-                embeddings[batch] = self.networks.motions(normalized, mask).numpy()
+        for rows in batches(lengths, MAX_BATCH_SIZE, mixed=False):
+            motions = np.stack([features[row][: lengths[row]] for row in rows]).astype(np.float32)
+            normalized = torch.from_numpy(self.normalizer.normalize(motions))
+            mask = torch.ones(normalized.shape[:2], dtype=torch.bool)
+            embeddings[rows] = self.networks.motions(normalized, mask).numpy()
         return embeddings
 
     @torch.no_grad()
@@ -138,8 +137,8 @@ class T2MEvaluator:
         rows = [numbers.setdefault((c.text, c.tokens), len(numbers)) for c in captions]
         different = [Caption(text, 0, 0, tokens) for text, tokens in numbers]
         embeddings = [np.zeros((0, self.width), np.float32)]
-        for batch in _batches(range(len(different))):
-            sentences = self.vectors([different[number] for number in batch])
+        for start in range(0, len(different), MAX_BATCH_SIZE):
+            sentences = self.vectors(different[start : start + MAX_BATCH_SIZE])
             arrays = sentences.words, sentences.parts, sentences.mask
             embeddings.append(self.networks.texts(*map(torch.from_numpy, arrays)).numpy())
         return np.concatenate(embeddings)[rows]
@@ -153,12 +152,6 @@ def tensors_of(evaluator: T2MEvaluator) -> dict[str, Tensor]:
         arrays[WORDS] = np.asarray(evaluator.vectors.vectors, np.float32)
     tensors = {name: torch.from_numpy(values.copy()) for name, values in arrays.items()}
     return {**tensors, **evaluator.networks.state_dict()}
-
-
-def _batches(rows: Sequence[int]) -> list[list[int]]:
-    return [
-        list(rows[start : start + MAX_BATCH_SIZE]) for start in range(0, len(rows), MAX_BATCH_SIZE)
-    ]
 
 
 def save_text_motion(
