@@ -74,8 +74,8 @@ def test_jumps_are_counted_with_where_they_happen() -> None:
     phase = time % 2.0
     up = np.where(phase < 0.5, 4 * 0.35 * phase * (0.5 - phase) / 0.25, 0.0)
     found = describe(figure(5, height=0.92 + up))
-    assert found.count("jump") == 3
     jumps = found.find("jump")
+    assert len(jumps) == 3
     assert [jump.direction for jump in jumps] == ["place"] * len(jumps)
     assert check("someone jumps three times", found).verdict == "agrees"
     assert check("someone jumps once", found).verdict == "contradicts"
@@ -196,7 +196,7 @@ def test_hdm05_is_read_as_its_classes_say(shared: Path, tmp_path: Path) -> None:
         kind, side = next(acts for name, acts in expected.items() if name in item.label.id)
         joints = canonicalize(HUMANML3D_FEATURES.retarget(item.joints), HUMANML3D_FEATURES.skeleton)
         seen += 1
-        right += bool(describe(joints).find(kind, side))
+        right += any(one.side in (side, "both") for one in describe(joints).find(kind))
     assert seen > 50
     assert right >= 0.95 * seen
 

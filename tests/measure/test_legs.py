@@ -31,8 +31,7 @@ def test_repetitions_of_one_leg_are_counted(
 ) -> None:
     found = describe(make(side, count))
     happens_times(count, kind, found)
-    assert found.count(kind, side) == count
-    assert found.count(kind, OTHER[side]) == 0
+    assert [(event.side, event.count) for event in found.find(kind)] == [(side, 1)] * count
     others = {"kick", "knee", "hop", "jump"} - {kind}
     assert not [event for event in found.events if event.kind in others]
 
@@ -50,8 +49,8 @@ def test_a_kick_goes_where_the_foot_goes(side: str, direction: str) -> None:
 def test_a_leg_that_is_lifted_slowly_does_not_kick(side: str) -> None:
     found = describe(acted.kick(side, seconds=6))
     assert not found.find("kick")
-    assert found.find("knee", side)
-    assert found.find("balance", OTHER[side])
+    assert side in {knee.side for knee in found.find("knee")}
+    assert OTHER[side] in {one.side for one in found.find("balance")}
 
 
 @pytest.mark.parametrize(("reach", "found"), [(0.25, False), (0.6, True)])
@@ -147,8 +146,8 @@ def test_quick_steps_in_place_are_a_jog(cycles: float, kind: str) -> None:
 
 @pytest.mark.parametrize(("seconds", "treads"), [(1.5, False), (3.0, True)])
 def test_treading_takes_four_steps(seconds: float, treads: bool) -> None:
-    moves = describe(acted.march(seconds)).find("walk", direction="place")
-    assert bool(moves) is treads
+    moves = describe(acted.march(seconds)).find("walk")
+    assert any(move.direction == "place" for move in moves) is treads
 
 
 @pytest.mark.parametrize(("down", "direction"), [(False, "up"), (True, "down")])

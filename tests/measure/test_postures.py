@@ -20,7 +20,7 @@ UP = {"sit": "stand_up", "floor": "get_up", "lie": "get_up", "kneel": "stand_up"
 def test_a_posture_that_is_held(posture: str) -> None:
     found = describe(acted.held(posture))
     assert [one.kind for one in found.postures] == [posture]
-    assert found.share(posture) == 1
+    assert [one.frames for one in found.find(posture)] == [found.frames]
     assert not found.events
 
 

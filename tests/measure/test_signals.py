@@ -215,15 +215,12 @@ def test_an_event_shares_frames_with_another() -> None:
     assert (one.frames, one.seconds) == (10, 0.5)
 
 
-def test_facts_are_found_by_kind_side_and_direction() -> None:
+def test_facts_are_found_by_kind() -> None:
     path = FloorPath(1, 1, 0, 1, 0, 0, False)
     events = (Event("kick", 9, 12, "both", "side"), Event("kick", 0, 4, "left", count=3))
     moves = (Event("walk", 0, 5, direction="left"), Event("stand", 5, 20))
     found = Description(20, path, moves, (), (Event("stand", 0, 20),), events, 0)
     assert [event.start for event in found.find("kick")] == [0, 9]
-    assert [event.start for event in found.find("kick", "right")] == [9]
-    assert found.find("kick", direction="side") == events[:1]
-    assert (found.count("kick"), found.count("kick", "left"), found.count("hop")) == (4, 4, 0)
-    assert found.share("walk") == 0.25 and found.share("walk", "forward") == 0
-    assert found.share("stand") == 1  # moves and postures together are at most everything
-    assert found.seconds == 1
+    assert found.find("kick") == events[::-1] and found.find("walk") == moves[:1]
+    assert [event.start for event in found.find("stand")] == [0, 5]  # the posture, and the move
+    assert found.find("hop") == () and found.seconds == 1

@@ -90,32 +90,14 @@ class Description:
         """Its length."""
         return self.frames / FPS
 
-    def count(self, kind: str, side: str = "") -> int:
-        """Returns how often an event happens; with a side, with that side or both."""
-        return sum(event.count for event in self.find(kind, side))
-
-    def find(self, kind: str, side: str = "", direction: str = "") -> tuple[Event, ...]:
+    def find(self, kind: str) -> tuple[Event, ...]:
         """Returns the moves, turns, postures and events of a kind, by start."""
-        every = (*self.moves, *self.turns, *self.postures, *self.events)
-        return among(every, kind, side, direction)
-
-    def share(self, kind: str, direction: str = "") -> float:
-        """Returns the share of the motion, 0 to 1, that moves or postures of a kind take."""
-        matching = self.find(kind, direction=direction)
-        return min(sum(event.frames for event in matching) / max(self.frames, 1), 1.0)
+        return of_kind((*self.moves, *self.turns, *self.postures, *self.events), kind)
 
 
-def among(
-    events: Iterable[Event], kind: str, side: str = "", direction: str = ""
-) -> tuple[Event, ...]:
-    """Returns the events of a kind, by start; with a side, those of that side or both."""
-    matching = (
-        event
-        for event in events
-        if event.kind == kind
-        and (not side or event.side in (side, BOTH))
-        and (not direction or event.direction == direction)
-    )
+def of_kind(events: Iterable[Event], kind: str) -> tuple[Event, ...]:
+    """Returns the events of a kind, by start."""
+    matching = (event for event in events if event.kind == kind)
     return tuple(sorted(matching, key=lambda event: event.start))
 
 

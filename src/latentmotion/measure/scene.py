@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from latentmotion.measure import limbs, whole_body
-from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, among
+from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, of_kind
 from latentmotion.measure.signals import Signals, activity_of, measure, twist_of
 from latentmotion.measure.whole_body import POSES
 
@@ -77,15 +78,10 @@ class Measured(Description):
         # The class is frozen, as descriptions are, and lets only cached properties in.
         self.__dict__.update(signals=signals, frames=signals.frames)
 
-    def find(self, kind: str, side: str = "", direction: str = "") -> tuple[Event, ...]:
+    def find(self, kind: str) -> tuple[Event, ...]:
         """Returns the moves, turns, postures and events of a kind, by start."""
-        sources = [source for source, kinds in _SOURCES if kind in kinds]
-        return among(
-            [event for source in sources for event in sorted(getattr(self, source), key=_order)],
-            kind,
-            side,
-            direction,
-        )
+        facts = (getattr(self, name) for name, kinds in _SOURCES if kind in kinds)
+        return of_kind(chain.from_iterable(sorted(each, key=_order) for each in facts), kind)
 
     def all_of(self, *kinds: str) -> list[Event]:
         """Returns the events, moves, turns, postures and poses of some kinds, by start."""
