@@ -32,19 +32,18 @@ import numpy as np
 import onnx
 import torch
 from onnx import GraphProto, ModelProto, NodeProto, TensorProto, helper, numpy_helper
+from onnx.external_data_helper import set_external_data
 from torch import Tensor, nn
 from torch.export import Dim
 
-from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.guidance import DistilledGuidance
 from latentmotion.diffusion.samplers import SeededNoise
-from latentmotion.diffusion.schedule import StepCondition
 from latentmotion.engine.backend import Batch, FeatureDecoder
 from latentmotion.engine.session import onnxruntime_session, open_session
 from latentmotion.errors import ModelError
 from latentmotion.model.config import STRIDE, Sampling
 from latentmotion.networks.checkpoint import SCALE, LatentModel
-from latentmotion.networks.denoiser import DenoiserNetwork
+from latentmotion.networks.denoiser import DenoiserNetwork, forward_of
 from latentmotion.networks.vae.convolutional import Pullback
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.pipeline import features_from_noise, sampler_of
@@ -64,33 +63,15 @@ PULLBACK_TOLERANCE = 1e-5
 def export_denoiser(
     denoiser: DenoiserNetwork, latent_width: int, words_width: int, path: Path
 ) -> None:
-    """Writes a denoiser's graph: z, t, words, words_mask, mask → prediction.
-
-    A distilled one has two more inputs, guidance and step_size.
-    """
-    further = denoiser.further_inputs
-
-    def prediction(
-        z: Tensor,
-        t: Tensor,
-        words: Tensor,
-        words_mask: Tensor,
-        mask: Tensor,
-        guidance: Tensor | None = None,
-        step_size: Tensor | None = None,
-    ) -> Tensor:
-        distilled = guidance is not None and step_size is not None
-        step_condition = StepCondition(guidance, step_size) if distilled else None
-        return denoiser(z, t, Conditioning(words, words_mask), mask, step_condition)
-
+    """Writes a denoiser's graph, with the inputs of `forward_of`."""
     inputs = {
         "z": torch.randn(_BATCH, _TOKENS, latent_width),
         "t": torch.rand(_BATCH),
         **_condition(words_width),
         "mask": torch.ones(_BATCH, _TOKENS, dtype=torch.bool),
-        **{name: torch.rand(_BATCH) for name in further},
+        **{name: torch.rand(_BATCH) for name in denoiser.further_inputs},
     }
-    trace(FunctionModule(prediction, denoiser=denoiser), inputs, path)
+    trace(FunctionModule(forward_of(denoiser), denoiser=denoiser), inputs, path)
 
 
 def export_decoder(vae: MotionVAE, frames_per_token: int | None, path: Path) -> None:
@@ -337,11 +318,9 @@ class StoredTensor:
 
     def external(self, name: str, file: str) -> TensorProto:
         """Returns the initializer that a graph reads from that file."""
-        tensor = TensorProto(name=name, data_type=self.kind, dims=self.shape)
-        tensor.data_location = TensorProto.EXTERNAL
-        where = {"location": file, "offset": self.offset, "length": self.length}
-        for field, value in where.items():
-            tensor.external_data.add(key=field, value=str(value))
+        tensor = TensorProto(name=name, data_type=self.kind, dims=self.shape, raw_data=b"")
+        set_external_data(tensor, file, self.offset, self.length)
+        tensor.ClearField("raw_data")
         return tensor
 
 

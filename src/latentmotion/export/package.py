@@ -239,11 +239,8 @@ def _compare(graph: Path, inputs: dict[str, torch.Tensor], expected: torch.Tenso
 
 Model = TypeVar("Model", bound=FirstStageModel)
 
-# Prefixes of figures that depend on the decoder alone.
-_OF_DECODER = ("vae_", "decoder_")
-
-# Prefixes of figures that do not depend on the decoder.
-_OF_DENOISER = ("denoiser_", "student_", "teacher")
+# Prefixes of figures that depend on the decoder alone, and of those that hold with any decoder.
+OF_DECODER, OF_DENOISER = ("vae_", "decoder_"), ("denoiser_", "student_", "teacher")
 
 
 def with_decoder(model: Model, other: FirstStageModel) -> Model:
@@ -266,7 +263,7 @@ def with_decoder(model: Model, other: FirstStageModel) -> Model:
         model.card,
         vae=other.card.vae,
         provenance=provenance,
-        figures={**other_figures(model.card), **decoder_figures(other.card)},
+        figures={**figures_of(model.card, OF_DENOISER), **figures_of(other.card, OF_DECODER)},
     )
     return replace(model, card=card, vae=other.vae)
 
@@ -296,14 +293,9 @@ def scale_of(card: cards.ModelCard) -> tuple[str, tuple[float, ...], tuple[float
     return card.representation, card.normalizer_mean, card.normalizer_std
 
 
-def other_figures(card: cards.ModelCard) -> dict[str, Any]:
-    """Returns the figures of a model that hold with any decoder."""
-    return {k: value for k, value in card.figures.items() if k.startswith(_OF_DENOISER)}
-
-
-def decoder_figures(card: cards.ModelCard) -> dict[str, Any]:
-    """Returns the figures of a model's decoder."""
-    return {k: value for k, value in card.figures.items() if k.startswith(_OF_DECODER)}
+def figures_of(card: cards.ModelCard, prefixes: tuple[str, ...]) -> dict[str, Any]:
+    """Returns the figures of a model whose names begin with one of the prefixes."""
+    return {name: value for name, value in card.figures.items() if name.startswith(prefixes)}
 
 
 def _encoder_of(model: FirstStageModel) -> str:

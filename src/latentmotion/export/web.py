@@ -20,6 +20,7 @@ import numpy as np
 import onnx
 import torch
 from onnx import ModelProto, TensorProto, compose, helper, numpy_helper, parser
+from onnx.external_data_helper import set_external_data
 from tokenizers import Tokenizer
 from torch import Tensor
 
@@ -299,11 +300,8 @@ class _WeightStore:
             self._content.extend(bytes(-len(self._content) % _ALIGNMENT))
             self._offsets[key] = len(self._content)
             self._content.extend(content)
+        set_external_data(tensor, WEIGHTS_FILE, self._offsets[key], len(content))
         tensor.ClearField("raw_data")
-        tensor.data_location = TensorProto.EXTERNAL
-        where = {"location": WEIGHTS_FILE, "offset": self._offsets[key], "length": len(content)}
-        for field, value in where.items():
-            tensor.external_data.add(key=field, value=str(value))
         return tensor
 
 

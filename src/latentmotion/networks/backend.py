@@ -12,10 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
-from torch import Tensor
 
-from latentmotion.diffusion.condition import Conditioning, TextEncoder
-from latentmotion.diffusion.schedule import StepCondition
+from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.backend import ON_CPU, Backend, ExecutionOptions, Padding
 from latentmotion.engine.encoder import load_text_encoder
 from latentmotion.engine.lengths import LengthFile
@@ -25,7 +23,7 @@ from latentmotion.errors import InputError, LatentMotionError, ModelError
 from latentmotion.model import card as cards
 from latentmotion.model.card import ModelCard, find_model
 from latentmotion.networks.checkpoint import load_model, load_stages
-from latentmotion.networks.denoiser import DenoiserNetwork
+from latentmotion.networks.denoiser import DenoiserNetwork, forward_of
 from latentmotion.networks.device import (
     GPU,
     FunctionRecorder,
@@ -139,18 +137,8 @@ def torch_prior(folder: str | Path, execution: ExecutionOptions = ON_CPU) -> Mot
 
 
 def denoiser_session(denoiser: DenoiserNetwork, execution: ExecutionOptions = ON_CPU) -> Session:
-    """Returns a network as a session: z, t, words, words_mask, mask → prediction.
-
-    A distilled one has two more inputs, guidance and step_size.
-    """
-
-    def forward(
-        z: Tensor, t: Tensor, words: Tensor, words_mask: Tensor, mask: Tensor, **further: Tensor
-    ) -> Tensor:
-        step_condition = StepCondition(**further) if further else None
-        return denoiser(z, t, Conditioning(words, words_mask), mask, step_condition)
-
-    return network_session(denoiser, forward, execution)
+    """Returns a network as a session of the inputs of `forward_of`."""
+    return network_session(denoiser, forward_of(denoiser), execution)
 
 
 def decoder_session(vae: MotionVAE, execution: ExecutionOptions = ON_CPU) -> Session:

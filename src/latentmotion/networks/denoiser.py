@@ -10,6 +10,8 @@ both. A `DenoiserConfig` says which parts there are.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
@@ -237,3 +239,25 @@ class DenoiserNetwork(nn.Module):
         attended = torch.ones_like(mask) if self.attends_to_padding else mask
         latents = self.body(latents, attended, context, context_mask)
         return self.latents_out(latents) * mask[..., None]
+
+
+def forward_of(denoiser: DenoiserNetwork) -> Callable[..., Tensor]:
+    """Returns a denoiser as a function of tensors alone: z, t, words, words_mask, mask.
+
+    A distilled one has two more inputs, guidance and step_size.
+    """
+
+    def forward(
+        z: Tensor,
+        t: Tensor,
+        words: Tensor,
+        words_mask: Tensor,
+        mask: Tensor,
+        guidance: Tensor | None = None,
+        step_size: Tensor | None = None,
+    ) -> Tensor:
+        distilled = guidance is not None and step_size is not None
+        step_condition = StepCondition(guidance, step_size) if distilled else None
+        return denoiser(z, t, Conditioning(words, words_mask), mask, step_condition)
+
+    return forward

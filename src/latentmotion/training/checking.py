@@ -16,7 +16,7 @@ from latentmotion.data.instructions import DIRECTIONS, SIDES, TURNS, Check, Term
 from latentmotion.errors import InputError, hint
 from latentmotion.measure.facts import FPS, LEFT, RIGHT, Event
 from latentmotion.measure.repetitions import bends, jumps
-from latentmotion.measure.scene import Measured, describe, lasting, meters
+from latentmotion.measure.scene import Measured, describe, in_place, lasting, meters
 from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stillness, stooped
 
@@ -70,13 +70,6 @@ def steps_in_place(scene: Measured, term: Term) -> bool:
     return term.numbers[0] <= lifts <= term.numbers[1]
 
 
-def stays(scene: Measured, term: Term) -> bool:
-    """It stays within so many meters of its median position."""
-    path = scene.signals.joints[:, 0, ::2]
-    distance = np.linalg.norm(path - np.median(path, axis=0), axis=1)
-    return bool(distance.max() <= term.numbers[0])
-
-
 def keeps_facing(scene: Measured, term: Term) -> bool:
     """It ends within so many degrees of its first heading."""
     return abs(scene.path.turned) <= term.numbers[0]
@@ -119,7 +112,7 @@ CONDITIONS: dict[str, MotionCondition] = {
     # Both feet together make so many steps.
     "step": MotionCondition(lambda scene, term: term.often[0] <= scene.steps <= term.often[1], 2),
     "lift_feet": MotionCondition(steps_in_place, 2),
-    "in_place": MotionCondition(stays, 1),
+    "in_place": MotionCondition(lambda scene, term: in_place(scene, term.numbers[0]), 1),
     "facing": MotionCondition(keeps_facing, 1),
     "straight": MotionCondition(goes_straight, 1),
     "weave": MotionCondition(weaves, 1),

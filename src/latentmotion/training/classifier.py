@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -31,7 +32,7 @@ from latentmotion.evaluation.evaluators.action import (
 from latentmotion.representation.interface import Normalizer
 from latentmotion.storage.provenance import command_line
 from latentmotion.training.distributed import DistributedContext, StepRandomness
-from latentmotion.training.experiment import TrainingSettings
+from latentmotion.training.experiment import TrainingSettings, optimization
 from latentmotion.training.loop import Stage, train
 from latentmotion.training.run_folder import MODEL, open_run, write_tensors
 from latentmotion.training.vae import BatchSampler, FeatureCache
@@ -49,11 +50,7 @@ class ClassifierExperiment:
     noise: float = 0.2  # Deviation of the noise that is added to normalized features in training.
     smoothing: float = 0.1  # Part of the target that is spread over all labels.
     # Optimization.
-    training: TrainingSettings = field(
-        default_factory=lambda: TrainingSettings(
-            steps=1000, weight_decay=0.05, ema_decay=0.99, validate_every=50, sample_every=0
-        )
-    )
+    training: TrainingSettings = field(default_factory=partial(optimization, "classifier"))
 
 
 @dataclass(frozen=True)

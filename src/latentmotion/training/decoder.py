@@ -20,7 +20,7 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.diffusion.parametrization import add_noise
 from latentmotion.errors import InputError, ModelError
-from latentmotion.export.package import check_latents, other_figures, scale_of
+from latentmotion.export.package import OF_DENOISER, check_latents, figures_of, scale_of
 from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.config import VAEConfig
 from latentmotion.networks.checkpoint import (
@@ -143,7 +143,7 @@ def train_decoder(
             trained.card,
             vae=experiment.vae,
             provenance=provenance_of(dataset, seconds, provenance),
-            figures={**other_figures(trained.card), **figures},
+            figures={**figures_of(trained.card, OF_DENOISER), **figures},
         )
         with_new_decoder = replace(trained, card=card, vae=vae)
         check_latents(trained, with_new_decoder)

@@ -144,6 +144,16 @@ class TrainingSettings:
         return self.learning_rate * rise * (1 + math.cos(math.pi * min(done, 1.0))) / 2
 
 
+_OPTIMIZATIONS = tomllib.loads(
+    Path(__file__).with_name("optimizations.toml").read_text(encoding="utf-8")
+)
+
+
+def optimization(name: str) -> TrainingSettings:
+    """Returns the settings of a training that has no preset, by its name in the table."""
+    return from_json(TrainingSettings, _OPTIMIZATIONS[name])
+
+
 @dataclass(frozen=True)
 class LatentSettings:
     """Storage of the first stage's latents for the second."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 from latentmotion.data.clip import Source, TaggedSentence, mirror_sentence
@@ -37,7 +38,7 @@ from latentmotion.training.distillation.data import Distillation, TrajectoryRegr
 from latentmotion.training.distillation.stage import distill
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.drawn_instructions import drawn_instructions
-from latentmotion.training.experiment import TrainingSettings, preset_named
+from latentmotion.training.experiment import TrainingSettings, optimization, preset_named
 from latentmotion.training.run_folder import open_run
 
 REHEARSAL = "rehearsal"  # Name of the source of the model's own motions.
@@ -54,31 +55,13 @@ class FineTuning:
     # Drawn prompts whose motions the model rehearses, as far as they do what was asked.
     rehearsal: int = 400
     # Optimization of the denoiser.
-    training: TrainingSettings = field(
-        default_factory=lambda: TrainingSettings(
-            steps=1_500,
-            batch_size=48,
-            learning_rate=3e-4,
-            warm_up=100,
-            precision="auto",
-            validate_every=250,
-            sample_every=500,
-        )
-    )
+    training: TrainingSettings = field(default_factory=partial(optimization, "finetune"))
     # Training of the few-step student.
     distillation: Distillation = field(
         default_factory=lambda: Distillation(
             few_step=FewStepConfig(guidance=(1.0, 9.0), solver_steps=12),  # as `fast` has
             objective=TrajectoryRegression(256, asked=2_048),
-            training=TrainingSettings(
-                steps=600,
-                batch_size=64,
-                learning_rate=2e-4,
-                warm_up=50,
-                weight_decay=0.0,
-                ema_decay=0.99,
-                precision="auto",
-            ),
+            training=optimization("finetune_distill"),
         )
     )
     few_steps: bool = True  # Whether the result is distilled to few steps, as the default model is.

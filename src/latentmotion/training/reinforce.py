@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ from latentmotion.storage.files import sha256
 from latentmotion.training.denoiser import DenoiserStage, LatentData
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.drawn_instructions import drawn_instructions
-from latentmotion.training.experiment import Experiment, TrainingSettings
+from latentmotion.training.experiment import Experiment, TrainingSettings, optimization
 from latentmotion.training.loop import train
 from latentmotion.training.run_folder import MODEL, Previews, open_run, second_stage_card
 from latentmotion.training.stages import FirstStage, check_fit, prepare_latents
@@ -46,11 +47,7 @@ class Reinforcement:
     # b, how far the model in training stands for the step away from the old one.
     strength: float = 1.0
     # Optimization of the denoiser.
-    training: TrainingSettings = field(
-        default_factory=lambda: TrainingSettings(
-            steps=500, batch_size=48, learning_rate=3e-4, warm_up=50, precision="auto"
-        )
-    )
+    training: TrainingSettings = field(default_factory=partial(optimization, "reinforce"))
 
 
 @dataclass(frozen=True)

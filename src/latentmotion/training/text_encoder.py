@@ -33,7 +33,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +53,7 @@ from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, tea
 from latentmotion.storage.files import atomic_folder, write_file
 from latentmotion.storage.reading import parse_json, read_json_file, read_text, unpack_xz
 from latentmotion.training.distributed import DistributedContext
-from latentmotion.training.experiment import TrainingSettings
+from latentmotion.training.experiment import TrainingSettings, optimization
 from latentmotion.training.loop import Stage, train
 from latentmotion.training.run_folder import open_run
 
@@ -419,12 +419,7 @@ class StudentRecipe:
     continuations: int = 1200
     positions: int = 128  # Longest sentence in pieces; longer ones are cut.
     # Optimization; the seed also decides the variations of captions.
-    training: TrainingSettings = field(
-        default_factory=lambda: TrainingSettings(
-            steps=7000, batch_size=64, learning_rate=5e-4, warm_up=200, ema_decay=0.0,
-            precision="auto", report_every=100, snapshot_every=500, sample_every=0,
-        )
-    )  # fmt: skip
+    training: TrainingSettings = field(default_factory=partial(optimization, "text_encoder"))
 
 
 def distillation_losses(

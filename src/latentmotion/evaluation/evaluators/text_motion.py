@@ -293,7 +293,6 @@ def halve_weights(graph: Path) -> None:
         tensor.CopyFrom(numpy_helper.from_array(values.astype("float16"), f"{name}.half"))
         casts.append(helper.make_node("Cast", [f"{name}.half"], [name], to=onnx.TensorProto.FLOAT))
     nodes = [*casts, *model.graph.node]
-    copies = [onnx.NodeProto.FromString(node.SerializeToString()) for node in nodes]
     del model.graph.node[:]
-    model.graph.node.extend(copies)
+    model.graph.node.extend(nodes)
     graph.write_bytes(model.SerializeToString())

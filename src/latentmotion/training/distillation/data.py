@@ -39,7 +39,7 @@ from latentmotion.training.distillation.trajectories import (
 )
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.drawn_instructions import drawn_instructions
-from latentmotion.training.experiment import RarityDraws, TrainingSettings
+from latentmotion.training.experiment import RarityDraws, TrainingSettings, optimization
 from latentmotion.training.stages import captions_of
 from latentmotion.training.takes import drawn_frames, joined, judged
 from latentmotion.training.task_conditions import ConditionTable, items_to_learn, required_encoder
@@ -83,16 +83,7 @@ class Distillation:
     mirrored: bool = True  # Whether prompts of mirrored clips are used too.
     draws: RarityDraws = field(default_factory=RarityDraws)  # How often rare sentences are asked.
     # Optimization of the student; the teacher runs in the same precision.
-    training: TrainingSettings = field(
-        default_factory=lambda: TrainingSettings(
-            steps=4_000,
-            batch_size=64,
-            learning_rate=1e-3,
-            weight_decay=0.0,
-            ema_decay=0.995,
-            precision="auto",
-        )
-    )
+    training: TrainingSettings = field(default_factory=partial(optimization, "distill"))
 
 
 HELD_OUT = 64  # Most held-out prompts that a validation looks at.

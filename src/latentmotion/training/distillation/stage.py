@@ -14,6 +14,7 @@ from latentmotion.diffusion.parametrization import ParametrizedDenoiser
 from latentmotion.diffusion.samplers import Sampler, sample
 from latentmotion.engine.lengths import LengthFile
 from latentmotion.errors import InputError, ModelError
+from latentmotion.export.package import figures_of
 from latentmotion.model.card import LENGTHS_FILE, ModelCard, file_beside, find_model, read_card
 from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.motion import Motion
@@ -174,7 +175,7 @@ def distill(
     if context.is_main:
         before = read_card(start) if start else model.card
         provenance = provenance_of(dataset, seconds, before.provenance)
-        of_vae = {k: v for k, v in model.card.figures.items() if k.startswith("vae_")}
+        of_vae = figures_of(model.card, ("vae_",))
         figures = {f"student_{k}": round(v, 4) for k, v in stage.validate(student).items()}
         figures |= {**of_vae, "teacher": model.card.name}
         card = replace(card, provenance=provenance, figures=figures)
