@@ -19,6 +19,7 @@ HumanML3D's rotations. The shortest rotation from a rest direction, without twis
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -63,16 +64,23 @@ def gaussian_smooth(signal: Float[Any, "frames n"], sigma: float) -> Float[Any, 
         sigma: Standard deviation in frames; the kernel ends at four of them, as SciPy's does.
     """
     xp = array_namespace(signal)
-    frames, radius = signal.shape[0], int(4 * sigma + 0.5)
-    kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
-    kernel /= kernel.sum()
-    padded = xp.concat([signal[:1]] * radius + [signal] + [signal[-1:]] * radius, axis=0)
+    frames, kernel = signal.shape[0], _kernel(sigma)
+    radius = len(kernel) // 2
     if xp is np:  # a seventh of the time of the sum below where the kernel is wide
-        columns = [np.convolve(column, kernel, "valid") for column in padded.T]
+        padded = signal.take(np.arange(-radius, frames + radius), axis=0, mode="clip")
+        columns = [np.correlate(column, kernel) for column in padded.T]
         return np.stack(columns, axis=1).astype(signal.dtype, copy=False)
+    padded = xp.concat([signal[:1]] * radius + [signal] + [signal[-1:]] * radius, axis=0)
     return sum(
         float(weight) * padded[first : first + frames] for first, weight in enumerate(kernel)
     )
+
+
+@lru_cache(maxsize=64)
+def _kernel(sigma: float) -> Float[np.ndarray, " width"]:
+    radius = int(4 * sigma + 0.5)
+    weights = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
+    return weights / weights.sum()
 
 
 def turn(vectors: Float[Any, "*#batch 3"], angle: Float[Any, "*#batch"]) -> Float[Any, "*batch 3"]:
