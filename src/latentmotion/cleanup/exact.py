@@ -28,6 +28,8 @@ Joints = Float[np.ndarray, "frames 22 3"]
 
 Pieces = list[tuple[int, int]]  # First and last frame of each piece of a motion, in their order.
 
+Candidates = Sequence[Motion]  # Of which one may do an act as often as asked.
+
 # Largest count that is made.
 _MOST = 20
 
@@ -65,10 +67,10 @@ _OTHER = 4
 
 def exact_count(
     motion: Motion, cleaned: Motion, asked: Count
-) -> Generator[Motion, Motion | None, Motion]:
+) -> Generator[Candidates, Candidates, Motion]:
     """Returns a motion that does an act as often as asked, cleaned up.
 
-    Yields candidates and is sent each cleaned up, so that those of several motions can be together.
+    Yields candidates and is sent them cleaned up, so that those of several motions can be together.
     It stays as it is where it does not do the act at all, where no two poses are near enough or
     the seam would not be smooth, and where it would get longer than the longest motion.
 
@@ -88,29 +90,37 @@ def exact_count(
         return cleaned
     if len(repeated.full) in asked.wanted and not repeated.weak:
         return cleaned
-    for pieces in _arrangements(joints, repeated, asked):
-        raw, (start, *others) = motion.joints.astype(np.float64), pieces
-        spliced, seams = raw[start[0] : start[1] + 1], []
-        for first, last in others:
-            seams.append(len(spliced) - 1)
-            piece = raw[first : last + 1]
-            spliced = splice(spliced, piece, _TRANSITION, HUMANML3D_FEATURES, fitted=False)
-        candidate = yield replace(motion, joints=spliced.astype(np.float32))
-        assert candidate is not None
-        joints = candidate.joints.astype(np.float64)
-        fits = [seam_of(joints, seam, fps, skeleton, round(_TRANSITION * fps)) for seam in seams]
-        if not all(fit.slide <= _SLIDE and fit.jerk <= _JERK for fit in fits):
-            continue
-        again = repetitions(joints, asked.act, asked.side)
-        if again and not again.weak and len(again.full) in asked.wanted:
-            about = {**asdict(asked), "made": len(repeated.full)}
-            return replace(candidate, metadata={**candidate.metadata, "count": about})
+    raw, arrangements = motion.joints.astype(np.float64), _arrangements(joints, repeated, asked)
+    # Where the first fails, to clean up all others takes little longer than another one.
+    for some in (arrangements[:1], arrangements[1:]):
+        spliced = [_spliced(raw, pieces) for pieces in some]
+        candidates = yield [replace(motion, joints=np.float32(whole)) for whole, _ in spliced]
+        for candidate, (_, seams) in zip(candidates, spliced, strict=True):
+            joints = candidate.joints.astype(np.float64)
+            fits = [seam_of(joints, s, fps, skeleton, round(_TRANSITION * fps)) for s in seams]
+            if not all(fit.slide <= _SLIDE and fit.jerk <= _JERK for fit in fits):
+                continue
+            again = repetitions(joints, asked.act, asked.side)
+            if again and not again.weak and len(again.full) in asked.wanted:
+                about = {**asdict(asked), "made": len(repeated.full)}
+                return replace(candidate, metadata={**candidate.metadata, "count": about})
     return cleaned
+
+
+def _spliced(joints: Joints, pieces: Pieces) -> tuple[Float[np.ndarray, "spliced 22 3"], list[int]]:
+    """Returns pieces of a motion one after another, and the frames after which they are joined."""
+    (start, end), *others = pieces
+    spliced, seams = joints[start : end + 1], []
+    for first, last in others:
+        seams.append(len(spliced) - 1)
+        piece = joints[first : last + 1]
+        spliced = splice(spliced, piece, _TRANSITION, HUMANML3D_FEATURES, fitted=False)
+    return spliced, seams
 
 
 def as_many_as_fit(
     motion: Motion, cleaned: Motion, asked: Count
-) -> Generator[Motion, Motion | None, tuple[Motion, int]]:
+) -> Generator[Candidates, Candidates, tuple[Motion, int]]:
     """Returns a motion with an exact count, or as near to it as the longest motion can be.
 
     Args:

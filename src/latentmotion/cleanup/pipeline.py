@@ -8,6 +8,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
+from itertools import chain, islice
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -174,17 +176,17 @@ def _counted_exactly(
     every = zip(motions, cleaned, corrections, strict=True)
     searches = [as_many_as_fit(motion, whole, c.count) for motion, whole, c in every if c.count]
     results: dict[int, tuple[Motion, int]] = {}
-    replies: dict[int, Motion | None] = dict.fromkeys(range(len(searches)))
+    replies: dict[int, Any] = dict.fromkeys(range(len(searches)))
     while replies:
-        candidates: dict[int, Motion] = {}
+        candidates: dict[int, Sequence[Motion]] = {}
         for number, reply in replies.items():
             try:
                 candidates[number] = searches[number].send(reply)
             except StopIteration as end:
                 results[number] = end.value
-        wanted = [corrections[number] for number in candidates]
-        again = _clean_alike([*candidates.values()], steps, wanted)
-        replies = dict(zip(candidates, again, strict=True))
+        wanted = [corrections[number] for number, some in candidates.items() for _ in some]
+        again = iter(_clean_alike([*chain(*candidates.values())], steps, wanted))
+        replies = {number: [*islice(again, len(some))] for number, some in candidates.items()}
     return [results[number] for number in range(len(searches))]
 
 
