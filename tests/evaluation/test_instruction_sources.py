@@ -18,7 +18,6 @@ from latentmotion.data.store import StoredClip, StoredMotion, stored_normalizer,
 from latentmotion.errors import DataError, InputError, ModelError
 from latentmotion.evaluation.instructions.benchmark import claims_of, patterns
 from latentmotion.evaluation.instructions.motions import (
-    GenerationSettings,
     check_axes,
     generate_motions,
 )
@@ -80,7 +79,7 @@ class AskedModel(MotionPipeline):
 
 def generated(model: AskedModel, **settings: object) -> list[list[np.ndarray]]:
     settings = {"takes": 2, "clean": False, **settings}
-    return generate_motions(model, ASKED, GenerationSettings(**settings))  # type: ignore[arg-type]
+    return generate_motions(model, ASKED, **settings)  # type: ignore[arg-type]
 
 
 def test_every_prompt_gets_its_takes_by_its_seeds() -> None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -31,6 +31,8 @@ from latentmotion.training import checking
 
 if TYPE_CHECKING:
     from latentmotion.evaluation.candidates import Candidate
+    from latentmotion.model.config import Sampling
+    from latentmotion.pipeline import MotionPipeline
 
 Joints = Float[np.ndarray, "_ 22 3"]
 
@@ -180,10 +182,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
             report.write(self.output)
             print(f"\nwrote {self.output / 'report.json'} and report.md")
         if self.card:
-            card = read_card(folder)
-            figures = {**card.figures, "evaluation": card_figures(report)}
-            replace(card, figures=configuration.to_json(figures)).write(folder)
-            print(f"\nwrote the figures into {folder / 'model.json'}")
+            _write_figures(folder, evaluation=configuration.to_json(card_figures(report)))
 
     def changed_protocol(self) -> Protocol:
         """Returns the protocol that the options name, changed as they say."""
@@ -226,11 +225,15 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         if card.denoiser is None:
             options.refuse_unused(self, f"{folder} has no denoiser", *_SAMPLING)
             return rebuilt
+        return [candidates.Generated(*self._generator(folder), weights), *rebuilt]
+
+    def _generator(self, model: str | Path) -> tuple[MotionPipeline, Sampling]:
+        """Returns a model, and its sampling changed as the options say."""
         generator = loading.load_generator(
-            folder, text_encoder=self.text_encoder, execution=self.execution
+            model, text_encoder=self.text_encoder, execution=self.execution
         )
         sampling = generator.card.sampling.but(self.steps, self.guidance, self.sampler)
-        return [candidates.Generated(generator, sampling, weights), *rebuilt]
+        return generator, sampling
 
     def measure_instructions(self) -> None:
         """Writes the prompts, or checks the motions of a model or of a folder of joints."""
@@ -261,28 +264,29 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
             benchmark.write(result, self.output)
             print(f"\nwrote {self.output / benchmark.REPORT_FILE} and {benchmark.PAGE_FILE}")
         if self.card and self.model is not None:
-            folder = find_model(self.model)
-            card = read_card(folder)
             obeyed = {group: round(item.share, 4) for group, item in result.model.items()}
-            replace(card, figures={**card.figures, "instructions": obeyed}).write(folder)
-            print(f"\nwrote the figures into {folder / CARD_FILE}")
+            _write_figures(find_model(self.model), instructions=obeyed)
 
     def generated(self) -> tuple[str, dict[str, str], Sequence[Sequence[Joints]]]:
         """Returns the model's name, the settings, and its motions for the instructions."""
         if self.model is None:
             raise InputError("MODEL is missing; name one, or a folder of joints by --joints")
-        generator = loading.load_generator(
-            self.model, text_encoder=self.text_encoder, execution=self.execution
-        )
-        card = generator.card
-        sampling = card.sampling.but(self.steps, self.guidance, self.sampler)
-        settings = motions.GenerationSettings(self.takes, self.clean, sampling)
+        generator, sampling = self._generator(self.model)
+        name = generator.card.name
         described = {
-            "model": card.name,
+            "model": name,
             "steps": str(sampling.steps),
             "guidance": f"{sampling.guidance:g}",
             "sampler": sampling.sampler,
-            "takes": str(settings.takes),
-            "motions": "cleaned" if settings.clean else "as the network made them",
+            "takes": str(self.takes),
+            "motions": "cleaned" if self.clean else "as the network made them",
         }
-        return card.name, described, motions.generate_motions(generator, instructions(), settings)
+        settings = self.takes, self.clean, sampling
+        return name, described, motions.generate_motions(generator, instructions(), *settings)
+
+
+def _write_figures(folder: Path, **figures: Any) -> None:
+    """Writes figures into the card of a model, beside those that it has."""
+    card = read_card(folder)
+    replace(card, figures={**card.figures, **figures}).write(folder)
+    print(f"\nwrote the figures into {folder / CARD_FILE}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, WrapValidator, model_validator
@@ -183,34 +184,14 @@ class SceneRequest(_Sampled):
         return checked(Scene(FORMAT, **values), "the request")
 
 
+# Requests that OpenAPI shows, by kind.
+_EXAMPLES = json.loads(Path(__file__).with_name("examples.json").read_text(encoding="utf-8"))
+
+
 class MotionRequest(SceneRequest):
     """A motion: a prompt, with goals if wanted, or a timeline of prompts."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {"prompt": "a person walks forward and sits down", "seconds": 4, "seed": 7},
-                {"prompt": "a person walks", "seconds": 4, "format": "glb", "clean": True},
-                {
-                    "prompt": "a person walks forward",
-                    "seconds": 4,
-                    "goals": [{"joint": "right_wrist", "at": 3.5, "to": [None, 1.4, None]}],
-                },
-                {"timeline": [{"prompt": "a person walks", "seconds": 3}, {"prompt": "a jump"}]},
-                {
-                    "timeline": [{"prompt": "a person walks forward", "seconds": 5}],
-                    "timeline_parts": [
-                        {
-                            "part": "right_arm",
-                            "prompt": "a person waves the right hand",
-                            "start": 1,
-                            "end": 4,
-                        }
-                    ],
-                },
-            ]
-        }
-    )
+    model_config = ConfigDict(json_schema_extra={"examples": _EXAMPLES["motion"]})
 
     format: Format = "json"
     fps: Fps = None
@@ -219,13 +200,7 @@ class MotionRequest(SceneRequest):
 class BatchRequest(_Sampled):
     """Several motions, with seeds that count up from the first."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {"prompts": ["a person walks", "a person jumps"], "seconds": 4, "format": "npz"}
-            ]
-        }
-    )
+    model_config = ConfigDict(json_schema_extra={"examples": _EXAMPLES["batch"]})
 
     prompts: list[Text] = Field(min_length=1, max_length=MOST_MOTIONS)
     """What the person does in each motion."""

@@ -126,22 +126,26 @@ async def _answer(
     service: Service, request: Request, folder: Path, task: dict[str, Any]
 ) -> Response:
     head = await unless_gone(request, service.read({**task, "folder": str(folder)}))
-    form = head["format"]
-    headers = {
-        "Content-Disposition": f'attachment; filename="motion.{form}"',
-        "Content-Length": str((folder / "answer").stat().st_size),
-    }
-    content = pieces(folder / "answer")
-    return StreamingResponse(content, headers=headers, media_type=MEDIA_TYPES[form])
+    return file_response(folder / "answer", f"motion.{head['format']}")
 
 
-def pieces(path: Path) -> Iterator[bytes]:
-    """Returns the content of a file, which may be deleted before all of it is read."""
-    file = path.open("rb")  # now, not when the first piece is asked for
+def file_response(path: Path, name: str) -> StreamingResponse:
+    """Returns an answer with a file, which may be deleted before all of it is sent.
 
-    def read() -> Iterator[bytes]:
+    Args:
+        path: The file.
+        name: Its name for the client, whose ending is one of `MEDIA_TYPES`.
+    """
+    file = path.open("rb")  # now, not when the first piece is sent
+
+    def pieces() -> Iterator[bytes]:
         with file:
             while piece := file.read(1 << 16):
                 yield piece
 
-    return read()
+    headers = {
+        "Content-Disposition": f'attachment; filename="{name}"',
+        "Content-Length": str(path.stat().st_size),
+    }
+    media_type = MEDIA_TYPES[name.partition(".")[2]]
+    return StreamingResponse(pieces(), headers=headers, media_type=media_type)

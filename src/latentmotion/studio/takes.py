@@ -13,7 +13,7 @@ from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Query, Request
 from fastapi.concurrency import run_in_threadpool
-from fastapi.responses import Response, StreamingResponse
+from fastapi.responses import Response
 from pydantic import Field
 
 from latentmotion.data.clip import Caption, Source
@@ -30,7 +30,7 @@ from latentmotion.retrieval.index import joined
 from latentmotion.retrieval.teach import ShownClip, build_index
 from latentmotion.service.schemas import FileFormat, Readable, RequestModel, Text
 from latentmotion.service.state import Service, unless_gone
-from latentmotion.service.uploads import BINARY_BODY, Fps, pieces, uploaded
+from latentmotion.service.uploads import BINARY_BODY, Fps, file_response, uploaded
 from latentmotion.studio import schemas
 from latentmotion.studio.library import MOST_LISTED, Edits, Library, StoredTake
 from latentmotion.studio.models import Models
@@ -194,11 +194,7 @@ def transfer_routes(service: Service, library: Library) -> APIRouter:
         with tempfile.TemporaryDirectory(prefix="latentmotion-") as folder:
             path = Path(folder) / "takes.zip"
             await unless_gone(request, archived(service, library, takes, form, path))
-            headers = {
-                "Content-Disposition": f'attachment; filename="{path.name}"',
-                "Content-Length": str(path.stat().st_size),
-            }
-            return StreamingResponse(pieces(path), headers=headers, media_type=MEDIA_TYPES["zip"])
+            return file_response(path, path.name)
 
     def stored(name: str, file: Path) -> list[StoredTake]:
         """Keeps the motions of an imported file."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
@@ -36,30 +35,31 @@ MIN_FRAMES = 8  # Fewest frames of a motion.
 LEG_LENGTHS = (0.4, 1.3)  # Shortest and longest plausible leg, meters.
 
 
-@dataclass(frozen=True)
-class GenerationSettings:
-    """Settings of the generated motions."""
-
-    takes: int = 5  # Motions per prompt.
-    clean: bool = True  # Whether motions are cleaned up, as users get them.
-    # Steps, guidance scale and sampler; by default the model's own.
-    sampling: Sampling | None = None
-
-
 def generate_motions(
-    model: MotionPipeline, instructions: Sequence[Instruction], settings: GenerationSettings
+    model: MotionPipeline,
+    instructions: Sequence[Instruction],
+    takes: int = 5,
+    clean: bool = True,
+    sampling: Sampling | None = None,
 ) -> list[list[Joints]]:
     """Returns the motions of every prompt, at 20 frames per second.
+
+    Args:
+        model: The model.
+        instructions: The prompts.
+        takes: Motions per prompt.
+        clean: Whether motions are cleaned up, as users get them.
+        sampling: Steps, guidance scale and sampler; by default the model's own.
 
     Raises:
         InputError: There are no takes.
         ModelError: The model reads no sentences, or moves another skeleton.
     """
-    takes = settings.takes
     if takes < 1:
         raise InputError(f"--takes {takes}: expected 1 or more")
     if not model.card.condition.reads_text:
         raise ModelError(f"model {model.card.name!r} takes no sentences; instructions are such")
+    sampling = sampling or model.card.sampling
     shortest, longest = (frames / model.representation.fps for frames in model.card.frames)
     by_prompt: dict[str, list[Joints]] = {}
     for timed in (False, True):
@@ -67,7 +67,6 @@ def generate_motions(
         if not chosen:
             continue
         lengths = [min(max(row.seconds or 0.0, shortest), longest) for row in chosen]
-        sampling = settings.sampling or model.card.sampling
         with warnings.catch_warnings():
             # Unknown words and odd bone lengths show in the figures.
             warnings.simplefilter("ignore")
@@ -79,7 +78,7 @@ def generate_motions(
                 sampling.guidance,
                 # Samplers of other packages have names that no type knows.
                 cast("SamplerName", sampling.sampler),
-                clean_up=CleanUp() if settings.clean else None,
+                clean_up=CleanUp() if clean else None,
             )
             joints = []
             for motion in counted(motions, "checking motions"):
