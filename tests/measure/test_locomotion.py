@@ -119,19 +119,6 @@ def test_a_path_is_closed_where_it_ends_near_its_start(turn: float) -> None:
     assert describe(acted.walk(8, 1.0, turn=turn)).path.closed is (abs(turn) == 360)
 
 
-@pytest.mark.parametrize(("grows", "sign"), [(1.5, 1), (-0.5, -1), (0.0, 0)])
-def test_a_spiral_gets_wider_or_narrower(grows: float, sign: int) -> None:
-    frames = 240
-    speed = 1.0 + grows * np.linspace(0, 1, frames)
-    body = acted.Body(frames=frames, ahead=speed, heading=np.linspace(0, 900, frames))
-    widening = describe(body.joints()).path.widening
-    assert widening * sign > 0.2 if sign else abs(widening) < 0.05
-
-
-def test_widening_is_measured_of_more_than_a_circle_only() -> None:
-    assert describe(acted.walk(8, 1.0, turn=360)).path.widening == 0
-
-
 @pytest.mark.parametrize(
     ("name", "kinds"),
     [

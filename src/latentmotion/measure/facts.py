@@ -60,8 +60,6 @@ class FloorPath:
     # Degrees by which the heading changed from start to end, turns added up; left is positive.
     turned: float
     closed: bool  # Whether a long path ends near its start.
-    # Radius of the last third of a circle over that of the first, minus one; zero otherwise.
-    widening: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -101,12 +101,12 @@ class Measured(Description):
         """Gaits and pauses, one after another without gaps."""
         return whole_body.moves_of(self.signals, self.running, limbs.treading_of(self.signals))
 
-    path = _lazy(lambda scene: whole_body.path_of(scene.signals, scene.turns))
     running = _lazy(lambda scene: limbs.running_of(scene.flights, scene.signals))
     jumps = _lazy(lambda scene: limbs.jumps_of(scene.signals, scene.flights, scene.running))
     knees = _lazy(lambda scene: limbs.knees_of(scene.signals, scene.kicks))
     changes = _lazy(lambda scene: whole_body.changes_of(scene.postures))
     dips = _lazy(lambda scene: whole_body.dips_of(scene.signals, scene.changes))
+    path = _of_signals(whole_body.path_of)
     turns = _of_signals(whole_body.turns_of)
     postures = _of_signals(whole_body.postures_of)
     flights = _of_signals(limbs.flights_of)

@@ -110,7 +110,7 @@ def turns_of(signals: Signals) -> tuple[Event, ...]:
     return tuple(turns)
 
 
-def path_of(signals: Signals, turns: tuple[Event, ...]) -> FloorPath:
+def path_of(signals: Signals) -> FloorPath:
     """Measures the path of the pelvis."""
     points = signals.joints[:, 0, ::2]
     net = points[-1] - points[0]
@@ -118,16 +118,6 @@ def path_of(signals: Signals, turns: tuple[Event, ...]) -> FloorPath:
     moving = signals.speed > MOVING
     meters = float(signals.speed[moving].sum() / FPS)
     sideways, ahead = signals.velocity[moving].sum(axis=0) / FPS
-    longest = max(turns, key=lambda turn: turn.amount, default=None)
-    widening = 0.0
-    if longest and longest.amount >= 450:
-        circle = points[longest.start : longest.end]
-        third = len(circle) // 3
-        first, last = (
-            float(length(part - part.mean(axis=0)).mean())
-            for part in (circle[:third], circle[-third:])
-        )
-        widening = last / max(first, 0.05) - 1
     return FloorPath(
         length=meters,
         forward=float(s * net[0] + c * net[1]),
@@ -136,7 +126,6 @@ def path_of(signals: Signals, turns: tuple[Event, ...]) -> FloorPath:
         sideways=float(sideways),
         turned=float(np.degrees(signals.heading[-1] - signals.heading[0])),
         closed=meters > 2 and float(np.linalg.norm(net)) < 0.3 * meters,
-        widening=widening,
     )
 
 
