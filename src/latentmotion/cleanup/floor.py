@@ -114,7 +114,10 @@ def align_floor(
     # One who hardly moves is not jumping, however short it is.
     stands_on = climbed * ramp(heights, *settings.step)
     hangs = (1 - lies) * (1 - stands_on) * np.maximum(0, heights - settings.tolerance)
-    hover = np.maximum(hover, np.where(_still(moved[..., 0, :], fps, lengths), hangs, 0))
+    root = velocity(moved[..., 0, :], fps, lengths)
+    calm = (length(root) < _CALM) & (np.abs(root[..., 1]) < _LEVEL_SPEED)
+    still = _lasting(calm, max(1, round(_HANGING * fps)), lengths)
+    hover = np.maximum(hover, np.where(still, hangs, 0))
     # Nor is one who is up for longer, however high; a pelvis may rise and fall meanwhile.
     aloft = on_floor * (1 - lies) * np.maximum(0, heights - settings.tolerance)
     hover = np.maximum(hover, np.where(_lasting(aloft > 0, 2 * reach + 1, lengths), aloft, 0))
@@ -134,15 +137,6 @@ def align_floor(
 # Meters per second of a root that neither travels, nor rises or falls; seconds that it lasts at
 # least, which is longer than the top of a jump.
 _CALM, _LEVEL_SPEED, _HANGING = 0.3, 0.1, 0.25
-
-
-def _still(
-    root: Float[np.ndarray, "frames *batch 3"], fps: float, lengths: Lengths
-) -> Bool[np.ndarray, frames * batch]:
-    """Returns whether the root hardly moves, for longer than at the top of a jump."""
-    speed = velocity(root, fps, lengths)
-    calm = (length(speed) < _CALM) & (np.abs(speed[..., 1]) < _LEVEL_SPEED)
-    return _lasting(calm, max(1, round(_HANGING * fps)), lengths)
 
 
 def _lasting(

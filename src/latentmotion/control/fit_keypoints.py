@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from latentmotion.cleanup.contacts import ramp
 from latentmotion.control.generator import Generator, decoders_of
 from latentmotion.control.reach import (
     DecodedMotion,
@@ -155,8 +156,7 @@ def fit_motion(
         share = np.ones(len(piece))
         if start:
             shared = min(_OVERLAP, len(piece))
-            ramp = (np.arange(shared) + 1) / (shared + 1)
-            share[:shared] = ramp * ramp * (3 - 2 * ramp)
+            share[:shared] = ramp(np.arange(1, shared + 1), 0, shared + 1)
         part = joints[start : start + len(piece)]
         part += share[:, None, None] * (piece - part)
     if capture.flat:

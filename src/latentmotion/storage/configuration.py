@@ -124,8 +124,8 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         }
         if classes and isinstance(value, Mapping):
             kind = value.get("kind", next(iter(classes)) if len(classes) == 1 else None)
-            known = isinstance(kind, str) and kind in classes
-            _check(known, kind, f"kind to be one of {', '.join(classes)}", where)
+            is_kind = isinstance(kind, str) and kind in classes
+            _check(is_kind, kind, f"kind to be one of {', '.join(classes)}", where)
             return from_json(typing.cast(type, classes[typing.cast(str, kind)]), value, where)
         plain = [m for m in arguments if m is not type(None) and not dataclasses.is_dataclass(m)]
         _check(bool(plain), value, " or ".join(classes) or "null", where)

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from latentmotion.data import recording
-from latentmotion.data.clip import Split, TaggedSentence, mirror_words
+from latentmotion.data.clip import Split, TaggedSentence, mirror_sentence
 from latentmotion.data.recording import FPS, Dropped, FileGroup, Label, Recording
 from latentmotion.data.sources import LABELS, OWNERS
 from latentmotion.errors import DataError, FileFormatError
@@ -68,15 +68,14 @@ def _read(paths: Sequence[Path]) -> Iterator[Recording | Dropped]:
             yield Dropped(path.stem, "clip", str(error))
             continue
         action_class = CLASSES.get(action, ActionClass(action, ()))
+        sentences = tuple(map(TaggedSentence, action_class.sentences))
         label = Label(
             id=path.stem,
             source=HDM05.name,
             origin=path.name,
             split=split_of(path.stem, match["actor"]),
-            sentences=tuple(TaggedSentence(text) for text in action_class.sentences),
-            mirrored_sentences=tuple(
-                TaggedSentence(mirror_words(text)) for text in action_class.sentences
-            ),
+            sentences=sentences,
+            mirrored_sentences=tuple(map(mirror_sentence, sentences)),
             action=action,
             mirrored_action=action_class.mirrored,
         )
