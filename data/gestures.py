@@ -25,7 +25,7 @@ import numpy as np
 import torch
 import tyro
 from jaxtyping import Float
-from torch import Tensor
+from torch import Tensor, nn
 
 from latentmotion import MotionPipeline
 from latentmotion.data.clip import Caption, Source, Split
@@ -38,16 +38,20 @@ from latentmotion.data.store import (
 )
 from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.backend import FeatureEncoder
+from latentmotion.language.reading import request_of
 from latentmotion.language.words import words_of
 from latentmotion.model.card import MOVES_FILE, find_model
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.networks.vae.interface import MotionVAE
+from latentmotion.retrieval.doubts import SURE
 from latentmotion.retrieval.index import (
     ALL_DIRECTIONS,
     DRAWN,
     EMBEDDING_LEVELS,
     MOST_LEVELS,
+    NO_NAMES,
     ClipIndex,
+    MovementNames,
     quantized,
     read_index,
 )
@@ -90,6 +94,10 @@ ELBOW, KNEE = (0.5, -0.8, -0.2), (0.12, 0.0, 1.0)
 
 # Meters from its shoulder up to which a hand goes round it, in front, rather than through it.
 ROUND = 0.2
+
+# Rank, epochs, sentences of a step, largest learning rate and scale of the embeddings, of unit
+# length, of the regression of movements: of 600 prompts rank 64 recognizes 68 %, 128 72 %.
+RANK, EPOCHS, BATCH, RATE, SHARPNESS = 96, 40, 256, 2e-3, 10.0
 
 STEPS = 60  # Steps of the descent to the latents of a movement.
 
@@ -461,7 +469,61 @@ def recorded(index: ClipIndex) -> ClipIndex:
             np.append(np.ones(len(index.captions) - captions, bool), remaining)
         ],
         words=dict(Counter(index.words) - Counter(word for text in texts for word in text)),
+        names=NO_NAMES,
     )
+
+
+def movement_names(
+    index: ClipIndex, wordings: Mapping[str, Sequence[str]], text_encoder: TextEncoder
+) -> MovementNames:
+    """Returns a softmax regression of the drawn movement that a sentence names, fitted to all.
+
+    Args:
+        index: Drawn movements; the first caption of each is its name.
+        wordings: Of their names.
+        text_encoder: The encoder of the index.
+    """
+    firsts = [index.captions_of[number][0] for number in range(len(index.clips))]
+    number_of = {index.captions[row].text: number for number, row in enumerate(firsts)}
+    said = [(caption.text, caption.clip) for caption in index.captions]
+    said += [(text, number_of[name]) for name, texts in wordings.items() for text in texts]
+    vectors = torch.from_numpy(embedded([text for text, _ in said], text_encoder))
+    movements = torch.tensor([number for _, number in said])
+    torch.manual_seed(0)
+    layers = nn.Dropout(0.1), nn.Linear(vectors.shape[1], RANK), nn.Linear(RANK, len(firsts))
+    network = nn.Sequential(*layers)
+    steps = EPOCHS * len(said) // BATCH
+    optimizer = torch.optim.AdamW(network.parameters(), RATE, weight_decay=0.02)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, RATE, total_steps=steps)
+    for _ in range(steps):
+        rows = torch.randint(len(said), (BATCH,))
+        values = network(vectors[rows] * SHARPNESS)
+        loss = nn.functional.cross_entropy(values, movements[rows], label_smoothing=0.1)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        schedule.step()
+    _, inward, outward = ({n: p.detach().numpy() for n, p in x.named_parameters()} for x in layers)
+    bias = inward["bias"] @ outward["weight"].T + outward["bias"]
+    return MovementNames(
+        SHARPNESS * inward["weight"].T, outward["weight"].T, bias, np.array(firsts, np.int32)
+    )
+
+
+def unrecognized(
+    index: ClipIndex, wordings: Mapping[str, Sequence[str]], text_encoder: TextEncoder
+) -> dict[str, list[str]]:
+    """Returns wordings that the regression does not surely recognize, or that claim something."""
+    remaining: dict[str, list[str]] = {}
+    for name, texts in wordings.items():
+        named = [index.named(vector[None]) for vector in embedded(texts, text_encoder)]
+        remaining[name] = [
+            text
+            for text, movement in zip(texts, named, strict=True)
+            if request_of(text).claims
+            or not (movement and movement.caption.text == name and movement.probability >= SURE)
+        ]
+    return remaining
 
 
 def embedded_anew(
@@ -563,6 +625,7 @@ class Gestures:
         names = {row["captions"][0] for row in read_rows(self.table)}
         wordings = read_wordings([self.wordings])
         further = {n: w for n, w in wordings.items() if n not in names}
+        movements = index
         if target.is_file():
             recordings = recorded(read_index(target))
             if self.embed:
@@ -571,8 +634,11 @@ class Gestures:
                 recordings = embedded_anew(recordings, further, pipeline.text_encoder)
             index = index.joined(recordings)
         drawn = {n: w for n, w in wordings.items() if n in names}
-        index = with_wordings(index, drawn, pipeline.text_encoder)
+        fitted = movement_names(movements, drawn, pipeline.text_encoder)
+        unsure = unrecognized(replace(movements, names=fitted), drawn, pipeline.text_encoder)
+        index = with_wordings(index, unsure, pipeline.text_encoder)
         index = distinct(along_discriminants(index) if self.embed else index)
+        index = replace(index, names=fitted)
         self.out.mkdir(parents=True, exist_ok=True)
         index.write(target)
         searched = sum(clip.id not in stored for clip in shown)

@@ -5,7 +5,8 @@
 A student keeps its teacher's piece embeddings almost as they are (cosine .99), so rows of the
 teacher are read among its own: sentences with a word that it had read by syllables are then at a
 cosine of .94 from the teacher's embedding, .73 before. All others are embedded as before, so the
-encoder keeps its name, and models, indexes and movements that people taught stay valid.
+encoder keeps its name, and models, indexes and movements that people taught stay valid. Words of
+the texts that stay in several pieces count as known: the index of these texts knows them.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import tyro
 from onnx import numpy_helper
 from tokenizers import Tokenizer
 
+from latentmotion.engine.encoder import split_words
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
 from latentmotion.networks.text_encoder import pack
@@ -57,10 +59,14 @@ class Pieces:
                 table = numpy_helper.to_array(tensor)
                 table = np.concatenate([table, added[table.dtype]])
                 tensor.CopyFrom(numpy_helper.from_array(table, tensor.name))
+        small = Tokenizer.from_str(json.dumps(settings))
+        card = next(entry for entry in graph.metadata_props if entry.key == "known_words")
+        split = (word for line in lines for word in split_words(small, line))
+        card.value = json.dumps(sorted({*json.loads(card.value), *split}))
         with atomic_file(self.folder / TEXT_GRAPH_FILE) as temporary:
             onnx.save(graph, temporary)
         with atomic_file(self.folder / TOKENIZER_FILE) as temporary:
-            Tokenizer.from_str(json.dumps(settings)).save(str(temporary), pretty=False)
+            small.save(str(temporary), pretty=False)
         print(f"{len(pieces)} pieces added, {len(vocabulary)} in all")
 
 

@@ -79,7 +79,7 @@ def test_what_the_shipped_encoder_reads_together_is_the_same_to_the_last_bit() -
 
 
 def test_pieces_that_were_added_change_no_sentence_of_other_words() -> None:
-    """The embedding is that of the encoder before `data/pieces.py` gave it the teacher's rows."""
+    """The embedding is that of the encoder before it got further rows of its teacher's."""
     encoder = StudentTextEncoder.load(find_model("starter"))
     assert encoder.pieces("toilet") == ["toilet"] and encoder.name == "student-3ce408f26463"
     first = [-0.01922224, -0.02492021, 0.01682085, 0.01364292]

@@ -21,6 +21,7 @@ from latentmotion.retrieval.index import (
     ClipIndex,
     IndexedCaption,
     IndexedClip,
+    MovementNames,
     index_file,
     quantized,
     read_index,
@@ -134,6 +135,28 @@ def test_a_wording_of_a_recording_has_to_be_clearly_nearer_than_one_of_a_drawn_c
     assert index.support(np.array([[0.8, 0.79, 0]]), clearer=0.1) == DRAWN
 
 
+def test_a_regression_of_movements_is_written_and_joined(tmp_path):
+    index = index_of([("a wave", 0), ("a bow", 1)], [[1, 0], [0, 1]])
+    matrices = np.array([[1.0, 0.5], [0, 1]], np.float32), 9 * np.eye(2, dtype=np.float32)
+    names = MovementNames(*matrices, np.array([0, 0.5], np.float32), np.array([1, 0], np.int32))
+    index = replace(index, names=names)
+    index.write(tmp_path / MOVES_FILE)
+    again = read_index(tmp_path / MOVES_FILE)
+    for sentence in ([[1.0, 0]], [[0.1, 1]]):
+        expected, named = index.named(np.array(sentence)), again.named(np.array(sentence))
+        assert named.caption == expected.caption
+        assert named.probability == pytest.approx(expected.probability, abs=0.03)
+    assert index.named(np.array([[1.0, 0]])).caption.text == "a bow"
+    swapped = index.named(np.array([[0.7, 0.72], [1.0, 0]]))
+    assert swapped.mirrored and swapped.caption.text == "a bow"
+    taught = index_of([("a kick", 0)], [[0.5, 0.5]], support=0)
+    assert taught.named(np.array([[1.0, 0]])) is None
+    for both in (taught.joined(index), index.joined(taught)):
+        assert both.named(np.array([[1.0, 0]])).caption.text == "a bow"
+    with pytest.raises(InputError, match="do not fit"):
+        replace(index, names=replace(names, captions=np.array([1, 2], np.int32)))
+
+
 def test_an_index_along_few_directions_is_joined_with_one_along_all():
     shipped = index_of([("a wave", 0)], [[1], [1]], wordings=[0], directions=[[0.0], [1], [0]])
     taught = index_of([("a bow", 1)], [[0.1, 0, 1.0]], support=0)
@@ -167,7 +190,7 @@ def test_damaged_files_are_refused(tmp_path, damage):
         index.write(path)
     if damage == "cut":
         path.write_bytes(path.read_bytes()[:-40])
-    changes = {"other": (b"moves 2", b"moves 9"), "outside": (b"],[0,4],[4,6]", b"],[9,4],[4,6]")}
+    changes = {"other": (b"moves 3", b"moves 9"), "outside": (b"],[0,4],[4,6]", b"],[9,4],[4,6]")}
     if damage in changes:
         content = zlib.decompress(path.read_bytes())
         assert changes[damage][0] in content

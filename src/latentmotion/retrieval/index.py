@@ -32,7 +32,8 @@ from latentmotion.model.config import LatentSpace
 from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.storage.files import atomic_file
 
-FORMAT = "latentmotion moves 2"
+FORMAT = "latentmotion moves 3"
+_WITHOUT_NAMES = "latentmotion moves 2"  # The same without a regression of movements.
 _ROW_BY_ROW = "latentmotion moves 1"  # The same in another order: movements that people taught.
 
 # Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
@@ -125,6 +126,71 @@ class Neighbor:
         return self.cosine >= (LEAST_OF_DRAWN if self.caption.support == DRAWN else LEAST_COSINE)
 
 
+@dataclass(frozen=True)
+class NamedMovement:
+    """A drawn movement that a sentence names."""
+
+    caption: IndexedCaption  # Its name.
+    probability: float  # How likely.
+    mirrored: bool  # Whether the sentence names it with left and right swapped.
+
+
+@dataclass(frozen=True, eq=False)
+class MovementNames:
+    """Softmax regression of low rank: which movement a sentence names.
+
+        p(movement | s) = softmax(s A B + b)
+
+    It is fitted to all sentences of drawn movements, with the embedding s of unit length. Of 600
+    prompts by somebody who saw 300 names alone 70 % are recognized, 57 % by the nearest wording.
+    Where p is 0.5 or more it is right for 91 %.
+    """
+
+    inward: Float[np.ndarray, "embedding rank"]  # A.
+    outward: Float[np.ndarray, "rank movements"]  # B.
+    bias: Float[np.ndarray, " movements"]  # b.
+    captions: Int[np.ndarray, " movements"]  # Number of the caption that names each movement.
+
+    def probabilities(
+        self, sentences: Float[np.ndarray, "sides embedding"]
+    ) -> Float[np.ndarray, "sides movements"]:
+        """Returns how likely sentences name each movement."""
+        values = sentences @ self.inward @ self.outward + self.bias
+        values = np.exp(values - values.max(axis=1, keepdims=True))
+        return values / values.sum(axis=1, keepdims=True)
+
+    def coded(self) -> dict[str, np.ndarray]:
+        """Returns arrays of a file: both matrices in 8 bits, with the steps of their columns."""
+        (inward, in_steps), (outward, out_steps) = (
+            quantized(matrix, 0, MOST_LEVELS) for matrix in (self.inward, self.outward)
+        )
+        values = inward, in_steps, outward, out_steps, self.bias, self.captions
+        return dict(zip(_OF_NAMES, map(np.ascontiguousarray, values), strict=True))
+
+    @classmethod
+    def decoded(cls, arrays: Mapping[str, np.ndarray]) -> MovementNames:
+        """Returns the regression that the arrays of a file hold.
+
+        Raises:
+            ValueError: They are of other sizes or types, or not finite.
+        """
+        inward, in_steps, outward, out_steps, bias, captions = (arrays[n] for n in _OF_NAMES)
+        kinds = [(array.dtype.type, array.ndim) for array in (inward, outward, bias, captions)]
+        if kinds != [(np.int8, 2), (np.int8, 2), (np.float32, 1), (np.int32, 1)]:
+            raise ValueError("a regression of other sizes or types")
+        if not all(np.isfinite(array).all() for array in (in_steps, out_steps, bias)):
+            raise ValueError("a regression that is not finite")
+        return cls(inward * in_steps, outward * out_steps, bias, captions)
+
+
+# Arrays of a regression in a file.
+_OF_NAMES = tuple(f"names_{n}" for n in ("in", "in_steps", "out", "out_steps", "bias", "captions"))
+
+NO_NAMES = MovementNames(
+    *(np.zeros(shape, np.float32) for shape in ((0, 0), (0, 0), 0)), np.zeros(0, np.int32)
+)
+
+
 @dataclass(frozen=True, eq=False)
 class ClipIndex:
     """Clips, their captions and latents.
@@ -151,6 +217,7 @@ class ClipIndex:
     # Words of all captions of the data, with the number of clips whose captions have them; also of
     # captions that were left out (`teach.py`).
     words: Mapping[str, int]
+    names: MovementNames = NO_NAMES  # Recognizes drawn movements by sentences.
     # The cosines asked for last: a sentence and its clauses are read for clips and for doubts.
     _latest: dict[tuple[bool, bytes], Float[np.ndarray, "sides rows"]] = field(
         default_factory=dict, init=False, repr=False
@@ -167,7 +234,12 @@ class ClipIndex:
         rows_fit = len(self.embeddings) == len(self.captions) + len(self.wordings)
         named = 0 <= self.wordings.min(initial=0) <= self.wordings.max(initial=0)
         named = named and self.wordings.max(initial=0) < len(self.captions)
-        if not (rows_fit and named and clips_fit):
+        names = self.names
+        sizes = {names.outward.shape[1], len(names.bias), len(names.captions)}
+        fit = len(sizes) == 1 and names.inward.shape[1] == len(names.outward)
+        numbers = names.captions
+        fit = fit and 0 <= numbers.min(initial=0) <= numbers.max(initial=-1) < len(self.captions)
+        if not (rows_fit and named and clips_fit and (fit or not numbers.size)):
             raise InputError("clips and captions of an index do not fit its arrays")
         for caption in self.captions:
             has_clip = 0 <= caption.clip < len(self.clips)
@@ -260,6 +332,19 @@ class ClipIndex:
         side, row = np.unravel_index(clear.argmax(), cosines.shape)
         caption = self.captions[self.wordings[row]]
         return Neighbor(caption, float(cosines[side, row]), bool(side))
+
+    def named(self, sentences: Float[np.ndarray, "sides width"]) -> NamedMovement | None:
+        """Returns the drawn movement that a sentence names likeliest; None if none is recognized.
+
+        Args:
+            sentences: As for `nearest`.
+        """
+        if not self.names.captions.size:
+            return None
+        likely = self.names.probabilities(unit(sentences))
+        side, number = np.unravel_index(likely.argmax(), likely.shape)
+        caption = self.captions[self.names.captions[number]]
+        return NamedMovement(caption, float(likely[side, number]), bool(side))
 
     @cached_property
     def _recorded(self) -> Bool[np.ndarray, " rows"]:
@@ -377,6 +462,9 @@ class ClipIndex:
             ),
             directions,
             dict(Counter(self.words) + Counter(other.words)),
+            replace(other.names, captions=other.names.captions + first_caption)
+            if other.names.captions.size
+            else self.names,
         )
 
     def write(self, path: Path) -> None:
@@ -389,6 +477,7 @@ class ClipIndex:
             name: np.ascontiguousarray(getattr(self, name))
             for name in ("latents", "latent_scale", "wordings", "embeddings", "directions")
         }
+        arrays |= self.names.coded()
         arrays |= {name: np.ascontiguousarray(arrays[name].T) for name in _BY_CHANNEL}
         text = {
             "format": FORMAT,
@@ -460,12 +549,14 @@ def read_index(path: Path) -> ClipIndex:
             raise ValueError(f"cut off, or more than {_MOST_BYTES} bytes")
         arrays = load(content)
         text = json.loads(arrays.pop("text").tobytes())
-        by_column = text["format"] == FORMAT
+        by_column = text["format"] in (FORMAT, _WITHOUT_NAMES)
         if not by_column and text["format"] != _ROW_BY_ROW:
             raise ValueError(f"format {str(text['format'])[:40]!r}, expected {FORMAT!r}")
         if by_column:
             text |= {name: zip(*text[name], strict=True) for name in ("clips", "captions")}
             arrays |= {name: np.ascontiguousarray(arrays[name].T) for name in _BY_CHANNEL}
+        of_names = {name: arrays.pop(name) for name in _OF_NAMES if name in arrays}
+        names = MovementNames.decoded(of_names) if of_names else NO_NAMES
         kinds = (str, str, str, int, int)
         clips = tuple(IndexedClip(*_typed(row, kinds)) for row in text["clips"])
         kinds = (str, int, int, int, int)
@@ -483,6 +574,7 @@ def read_index(path: Path) -> ClipIndex:
             captions,
             **arrays,
             words={str(word): int(count) for word, count in rows},
+            names=names,
         )
     except _DAMAGE as error:
         raise ModelError(f"{path} is no index of clips, or damaged ({error})") from error
