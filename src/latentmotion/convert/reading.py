@@ -17,7 +17,6 @@ import math
 import pickle
 import pickletools
 import re
-import tomllib
 import warnings
 from collections import Counter, OrderedDict
 from collections.abc import Mapping
@@ -32,6 +31,7 @@ from latentmotion import formats
 from latentmotion.errors import ModelError
 from latentmotion.networks.transformer import LEARNED_LENGTH, sine_rate, sines
 from latentmotion.storage import array_files, pickles
+from latentmotion.storage.reading import packaged_toml
 
 # Networks that are converted, by the first part of their weights' names; all others are not.
 PARTS = ("vae", "denoiser")
@@ -267,9 +267,7 @@ Rules = tuple[tuple[str, str], ...]
 # Patterns of the authors' names and what takes their place, by network.
 _NAMES: dict[str, Rules] = {
     network: tuple(names.items())
-    for network, names in tomllib.loads(
-        Path(__file__).with_name("names.toml").read_text(encoding="utf-8")
-    ).items()
+    for network, names in packaged_toml(__file__, "names.toml").items()
 }
 
 

@@ -11,7 +11,6 @@ the official one, or its statistics are not those that it was trained with; no o
 from __future__ import annotations
 
 import json
-import tomllib
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +31,7 @@ from latentmotion.evaluation.scores import EmbeddingCache, Embeddings, PositionS
 from latentmotion.plugins import plugins
 from latentmotion.progress import counted
 from latentmotion.storage.configuration import to_json
-from latentmotion.storage.reading import read_json_file
+from latentmotion.storage.reading import packaged_toml, read_json_file
 from latentmotion.storage.shards import ShardContent, ShardedRun, ShardManifest, Work
 
 
@@ -286,9 +285,7 @@ PUBLISHED = tuple(
     PublishedGroundTruth(
         source, **{**row, "figures": {name: tuple(pair) for name, pair in row["figures"].items()}}
     )
-    for source, row in tomllib.loads(
-        Path(__file__).with_name("published.toml").read_text(encoding="utf-8")
-    ).items()
+    for source, row in packaged_toml(__file__, "published.toml").items()
 )
 
 

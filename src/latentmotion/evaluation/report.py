@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -28,12 +27,13 @@ from latentmotion.networks.device import describe_machine
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import atomic_folder, sha256
 from latentmotion.storage.provenance import commit
+from latentmotion.storage.reading import packaged_toml
 
 REPORT_FILE = "report.json"
 PAGE_FILE = "report.md"
 GROUND_TRUTH = "ground truth"  # Row of the real motions.
 
-_METRICS = tomllib.loads(Path(__file__).with_name("metrics.toml").read_text(encoding="utf-8"))
+_METRICS = packaged_toml(__file__, "metrics.toml")
 
 # Unit of each metric of reports, in their order, and of those of the paper's tables.
 UNITS: dict[str, str] = _METRICS["reports"]

@@ -12,7 +12,6 @@ import hashlib
 import json
 import shutil
 import tempfile
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +34,7 @@ from latentmotion.model import card as cards
 from latentmotion.model.card import RIGHTS_IN_MOTIONS
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import atomic_folder
+from latentmotion.storage.reading import packaged_toml
 
 MANIFEST_FILE = "web.json"
 WEIGHTS_FILE = "weights.bin"
@@ -53,7 +53,7 @@ _ALIGNMENT = 64
 SeenPrompt = tuple[list[tuple[ModelProto, str, dict[str, str]]], str]
 
 # Small graphs that join the parts, as text.
-_GRAPHS = tomllib.loads(Path(__file__).with_name("web_graphs.toml").read_text(encoding="utf-8"))
+_GRAPHS = packaged_toml(__file__, "web_graphs.toml")
 
 
 def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:

@@ -10,16 +10,15 @@ experiment smaller. The first stage is that of the model itself, or that of anot
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, Literal
 
 from latentmotion.errors import InputError, hint
 from latentmotion.evaluation.protocol import Protocol, Repeats
 from latentmotion.model import config
 from latentmotion.storage.configuration import from_json
+from latentmotion.storage.reading import packaged_toml
 from latentmotion.training.experiment import Experiment, preset_named, with_changes, with_settings
 
 
@@ -103,9 +102,7 @@ class Budget:
 
 
 BUDGETS: dict[str, Budget] = {}
-for _name, _row in tomllib.loads(
-    Path(__file__).with_name("budgets.toml").read_text(encoding="utf-8")
-).items():
+for _name, _row in packaged_toml(__file__, "budgets.toml").items():
     _adjusted = {
         part: {key: from_json(Adjustment, each) for key, each in _row.pop(part, {}).items()}
         for part in ("of_tables", "of_models")
@@ -201,7 +198,5 @@ def _fitted(experiment: Experiment, features: int) -> Experiment:
 # Every model of the tables by name.
 MODELS = {
     name: from_json(Model, {"name": name, **row})
-    for name, row in tomllib.loads(
-        Path(__file__).with_name("models.toml").read_text(encoding="utf-8")
-    ).items()
+    for name, row in packaged_toml(__file__, "models.toml").items()
 }

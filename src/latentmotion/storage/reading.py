@@ -9,6 +9,7 @@ import lzma
 import math
 import os
 import re
+import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -124,6 +125,16 @@ def csv_rows(path: str | Path, lines: Iterable[str]) -> list[list[str]]:
     """
     with blamed_on(path, csv.Error, problem="not CSV ({error})"):
         return list(csv.reader(lines))
+
+
+def packaged_toml(module: str, name: str) -> dict[str, Any]:
+    """Returns the table of a TOML file that lies beside a module of this package.
+
+    Args:
+        module: The module's `__file__`.
+        name: Name of the file.
+    """
+    return tomllib.loads(Path(module).with_name(name).read_text(encoding="utf-8"))
 
 
 def read_json_file(path: str | Path) -> Any:

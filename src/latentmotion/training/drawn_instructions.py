@@ -7,19 +7,18 @@ benchmark's list, nor the mirror image of one.
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from latentmotion.data.instructions import Instruction, parse, refused_captions
 from latentmotion.measure.facts import BOTH, LEFT, RIGHT, SingleAction
 from latentmotion.plugins import entries
+from latentmotion.storage.reading import packaged_toml
 from latentmotion.training.captioning.prompting import prompts, prompts_in_order
 
-_TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+_TABLE = packaged_toml(__file__, "drawn_instructions.toml")
 
 SHARES: dict[str, float] = _TABLE["shares"]  # Share of each group.
 

@@ -11,7 +11,6 @@ their sentences' embeddings, until a few alike ones are left.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -38,6 +37,7 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
 )
 from latentmotion.evaluation.evaluators.words import GloveWords, Sentences, WordVectors
 from latentmotion.storage.configuration import from_json
+from latentmotion.storage.reading import packaged_toml
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import Embed, RarityDraws, TrainingSettings
 from latentmotion.training.loop import Stage, train
@@ -66,7 +66,7 @@ class EvaluatorExperiment:
 
 
 # Settings of the presets by name.
-RECIPES = tomllib.loads(Path(__file__).with_name("evaluators.toml").read_text(encoding="utf-8"))
+RECIPES = packaged_toml(__file__, "evaluators.toml")
 
 
 def recipe_named(name: str) -> EvaluatorExperiment:

@@ -33,7 +33,7 @@ from latentmotion.model.config import DenoiserConfig, Sampling, VAEConfig
 from latentmotion.networks.vae.interface import VAEObjective
 from latentmotion.retrieval.teach import support
 from latentmotion.storage.configuration import from_json, read_plain, to_json
-from latentmotion.storage.reading import read_text
+from latentmotion.storage.reading import packaged_toml, read_text
 from latentmotion.training.denoiser_loss import DenoiserObjective
 
 # Sentences to their pooled embeddings, of any length.
@@ -144,9 +144,7 @@ class TrainingSettings:
         return self.learning_rate * rise * (1 + math.cos(math.pi * min(done, 1.0))) / 2
 
 
-_OPTIMIZATIONS = tomllib.loads(
-    Path(__file__).with_name("optimizations.toml").read_text(encoding="utf-8")
-)
+_OPTIMIZATIONS = packaged_toml(__file__, "optimizations.toml")
 
 
 def optimization(name: str) -> TrainingSettings:
@@ -240,7 +238,7 @@ def differing_keys(first: Any, second: Any, where: str = "") -> Iterator[str]:
         yield f"{key} ({before!r} → {after!r})"
 
 
-_TABLE = tomllib.loads(Path(__file__).with_name("presets.toml").read_text(encoding="utf-8"))
+_TABLE = packaged_toml(__file__, "presets.toml")
 
 PRESETS = tuple(_TABLE)  # Names of the presets.
 

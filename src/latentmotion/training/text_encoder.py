@@ -29,7 +29,6 @@ import random
 import re
 import sys
 import time
-import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -51,7 +50,13 @@ from latentmotion.networks.device import autocast
 from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
 from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, teacher_state
 from latentmotion.storage.files import atomic_folder, write_file
-from latentmotion.storage.reading import parse_json, read_json_file, read_text, unpack_xz
+from latentmotion.storage.reading import (
+    packaged_toml,
+    parse_json,
+    read_json_file,
+    read_text,
+    unpack_xz,
+)
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import TrainingSettings, optimization
 from latentmotion.training.loop import Stage, train
@@ -633,7 +638,7 @@ def _ids(tokenizer: Tokenizer, sentences: Sequence[str]) -> list[list[int]]:
 
 
 # `subjects`, `synonyms`, `activities`, `manners`, and `frames` that verbs and activities fill.
-_WORDS = tomllib.loads(Path(__file__).with_name("augmentation.toml").read_text(encoding="utf-8"))
+_WORDS = packaged_toml(__file__, "augmentation.toml")
 
 _SUBJECT = re.compile(
     r"^(?:(?:a|an|the|this)\s+)?(?:standing\s+)?"

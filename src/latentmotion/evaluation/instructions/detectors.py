@@ -240,6 +240,13 @@ ACTS: dict[str, Detector] = {
     "low": lambda body, side: spans(body.height < 0.45, 0.2),
     "reach_floor": lambda body, side: spans(body.hands_low < 0.35, 0.1),
     "on_hips": lambda body, side: spans(body.hands_from_hips < 0.24, 0.4, 0.1),
+    # Below the speed of any step and of any gesture; swaying stays below both.
+    "still": lambda body, side: spans((body.speed < 0.2) & (body.busy < 0.45), 0.4, 0.1),
+    # People change from walking to running at about 2 m/s; the bounds of both overlap around it.
+    "run": lambda body, side: spans(body.speed > 1.8, 0.4, 0.2),
+    "walk": lambda body, side: spans(
+        (body.speed > 0.3) & (body.speed < 1.9) & (body.height > 0.8), 0.5, 0.2
+    ),
 }
 
 # Conditions on a whole motion, by name; others register themselves below.
@@ -249,6 +256,9 @@ CONDITIONS: dict[str, ConditionTest] = {
     "lasts": lambda body, term: bool(np.mean(body.height < term.numbers[0]) > 0.5),
     "upright": lambda body, term: bool(np.mean((body.height > 0.88) & (body.pitch < 25)) > 0.9),
     "hunched": lambda body, term: bool(np.median(body.pitch) > 15 or np.median(body.height) < 0.93),
+    # The last 5 frames are a quarter of a second.
+    "stops": lambda body, term: bool(body.speed[-5:].mean() < 0.3 and body.speed.max() > 0.5),
+    "both_ways": lambda body, term: bool(_turning(body, LEFT) and _turning(body, RIGHT)),
     "motionless": lambda body, term: bool(
         np.mean((body.speed < 0.2) & (body.busy < 0.6)) > 0.85 and np.ptp(body.heading) < 0.5
     ),
@@ -505,23 +515,6 @@ def _touch_head_of(body: Body, side: str) -> list[Span]:
     return spans(np.linalg.norm(wrist - body.head, axis=-1) < 0.28, 0.15, 0.2)
 
 
-@_act("still")
-def _still(body: Body, side: str) -> list[Span]:
-    # Below the speed of any step and of any gesture; swaying stays below both.
-    return spans((body.speed < 0.2) & (body.busy < 0.45), 0.4, 0.1)
-
-
-@_act("run")
-def _run(body: Body, side: str) -> list[Span]:
-    # People change from walking to running at about 2 m/s; the bounds of both overlap around it.
-    return spans(body.speed > 1.8, 0.4, 0.2)
-
-
-@_act("walk")
-def _walk(body: Body, side: str) -> list[Span]:
-    return spans((body.speed > 0.3) & (body.speed < 1.9) & (body.height > 0.8), 0.5, 0.2)
-
-
 @_act("crawl")
 def _crawl(body: Body, side: str) -> list[Span]:
     """Hands and knees on the floor while the body moves."""
@@ -570,12 +563,6 @@ def _slower(body: Body, term: Term) -> bool:
     return bool(body.speed[:third].mean() > 1.3 * body.speed[-third:].mean() + 0.1)
 
 
-@_condition("stops")
-def _stops(body: Body, term: Term) -> bool:
-    # The last 5 frames are a quarter of a second.
-    return bool(body.speed[-5:].mean() < 0.3 and body.speed.max() > 0.5)
-
-
 @_condition("on_the_spot")
 def _on_the_spot(body: Body, term: Term) -> bool:
     """Feet that are lifted in turn, four times or more, while the body stays."""
@@ -585,12 +572,6 @@ def _on_the_spot(body: Body, term: Term) -> bool:
     in_turn = (up[0] & up[1]).sum() < 0.5 * (up[0] | up[1]).sum()
     stays = body.away < 1.0 and np.median(body.speed) < 0.5
     return bool(min(lifts) >= 2 and in_turn and stays)
-
-
-@_condition("both_ways")
-def _both_ways(body: Body, term: Term) -> bool:
-    """Turns to the left and to the right."""
-    return bool(_turning(body, LEFT) and _turning(body, RIGHT))
 
 
 @_condition("returns")

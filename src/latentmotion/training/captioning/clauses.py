@@ -9,17 +9,14 @@ with "forward slowly" and `turn` with "left". Anything that does not fit this sc
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import dataclass
-from importlib.resources import files
 from itertools import pairwise
 
 from latentmotion.language.words import inflect
+from latentmotion.storage.reading import packaged_toml
 
 # Lists of words by name, `patterns`, groups of verbs and phrases.
-TABLE = tomllib.loads(
-    files("latentmotion.training.captioning").joinpath("captions.toml").read_text("utf-8")
-)
+TABLE = packaged_toml(__file__, "captions.toml")
 
 VERBS = tuple(TABLE["verbs"].split())  # Base forms.
 

@@ -11,17 +11,16 @@ from __future__ import annotations
 
 import operator
 import re
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from latentmotion.language.words import inflect, plain
 from latentmotion.measure.facts import LEFT, RIGHT, SingleAction
+from latentmotion.storage.reading import packaged_toml
 
 # Kinds of actions that go in a direction.
 _DIRECTED = ("walk", "jog", "run", "jump", "steps")
@@ -43,9 +42,7 @@ class Subject:
 
 
 # Subjects of sentences and forms of prompts.
-SUBJECTS = tomllib.loads(
-    files("latentmotion.training.captioning").joinpath("subjects.toml").read_text("utf-8")
-)
+SUBJECTS = packaged_toml(__file__, "subjects.toml")
 
 _HE, _SHE, _THEY = ("his", "him", "he"), ("her", "her", "she"), ("their", "them", "they")
 _PEOPLE = {
@@ -384,8 +381,7 @@ def clockwise(side: str) -> str:
 
 @cache
 def _tables() -> Mapping[str, Any]:
-    text = files("latentmotion.training.captioning").joinpath("prompts.toml").read_text("utf-8")
-    return tomllib.loads(text)
+    return packaged_toml(__file__, "prompts.toml")
 
 
 def kinds() -> tuple[str, ...]:

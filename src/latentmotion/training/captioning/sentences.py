@@ -6,10 +6,8 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -19,6 +17,7 @@ from latentmotion.measure.facts import LEFT, RIGHT, Description, Event
 from latentmotion.measure.reported_acts import ReportedAct, acts_of
 from latentmotion.measure.whole_body import FAST, SLOW
 from latentmotion.ranking.agreement import check
+from latentmotion.storage.reading import packaged_toml
 from latentmotion.training.captioning.prompting import SUBJECTS, filled, inflected
 
 MOST_ACTS = 5  # Most acts of one sentence; of more, those that last longest are described.
@@ -132,8 +131,7 @@ _WIDE = 0.4
 
 @cache
 def _tables() -> Mapping[str, Any]:
-    text = files("latentmotion.training.captioning").joinpath("phrases.toml").read_text("utf-8")
-    return tomllib.loads(text)
+    return packaged_toml(__file__, "phrases.toml")
 
 
 def phrases(act: ReportedAct) -> list[str]:
