@@ -105,7 +105,6 @@ def test_all_captions_of_a_drawn_clip_decide(fast, sentence, says):
     ("sentence", "says"),
     [
         ("a soldier loads a cannon", "soldier on patrol"),
-        ("fires a cannon", "fires a rifle"),
     ],
 )
 def test_what_nothing_is_near_is_doubted_and_made_as_what_is_nearest(fast, sentence, says):
@@ -575,7 +574,7 @@ def test_a_movement_that_both_sides_show_starts_from_no_mirror_image(fast, side)
         ("is hit by a ball", "is knocked back"),  # "hits the ball with a bat"
         ("a man is pushed to the ground", "gets pushed"),
         ("is shot by an arrow", "hit by an arrow"),  # "shoots an arrow"
-        ("pushes", "pushes someone"),  # "someone pushes him" is nearer
+        ("pushes", "pushes a heavy box"),  # "gets pushed" is nearer
         ("kicked the ball", "kicking a ball"),
         ("is thrown over the shoulder", None),  # "throws somebody over the shoulder"
     ],

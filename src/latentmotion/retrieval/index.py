@@ -187,7 +187,7 @@ class MovementNames:
 _OF_NAMES = tuple(f"names_{n}" for n in ("in", "in_steps", "out", "out_steps", "bias", "captions"))
 
 NO_NAMES = MovementNames(
-    *(np.zeros(shape, np.float32) for shape in ((0, 0), (0, 0), 0)), np.zeros(0, np.int32)
+    ALL_DIRECTIONS, ALL_DIRECTIONS, np.zeros(0, np.float32), np.zeros(0, np.int32)
 )
 
 
