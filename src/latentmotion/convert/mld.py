@@ -8,7 +8,6 @@ linear map on each side makes latents narrower than the transformers.
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -317,8 +316,8 @@ def transformer(weights: Weights, stack: str, origin: Origin) -> configs.Transfo
 
 
 def _count(weights: Weights, prefix: str) -> int:
-    matches = (re.match(re.escape(prefix) + r"(\d+)\.", name) for name in weights)
-    return len({match.group(1) for match in matches if match})
+    names = (name.removeprefix(prefix) for name in weights if name.startswith(prefix))
+    return len({name.partition(".")[0] for name in names})
 
 
 def _position(weights: Weights, name: str) -> configs.PositionKind:

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from latentmotion.measure import limbs, whole_body
 from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, of_kind
-from latentmotion.measure.signals import Signals, activity_of, measure, twist_of
+from latentmotion.measure.signals import Signals, activity_of, measure, peaks, twist_of
 from latentmotion.measure.whole_body import POSES
 
 
@@ -133,6 +133,17 @@ def in_place(scene: Measured, most: float) -> bool:
     """Whether the pelvis stays within `most` meters of its median position."""
     points = scene.signals.joints[:, 0, ::2]
     return float(np.linalg.norm(points - np.median(points, axis=0), axis=1).max()) <= most
+
+
+def swings(scene: Measured, degrees: float) -> int:
+    """Returns how often the direction of travel swings to a side by so many degrees."""
+    left, ahead = scene.signals.velocity.T
+    # Radians without jumps, of the frames in which it travels.
+    course = np.unwrap(scene.signals.heading + np.arctan2(left, ahead))
+    course = np.degrees(course)[scene.signals.speed > 0.3]
+    if len(course) < 2:
+        return 0
+    return sum(len(peaks(curve - curve.min(), 0, degrees)) for curve in (course, -course))
 
 
 def meters(scene: Measured) -> dict[str, float]:

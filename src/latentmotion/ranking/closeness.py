@@ -14,7 +14,7 @@ import numpy as np
 
 from latentmotion.language.claims import SLIGHT, Claim, Request, kinds, limits, related
 from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, Event
-from latentmotion.measure.scene import Measured, lasting, meters
+from latentmotion.measure.scene import Measured, lasting, meters, swings
 from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stillness, stooped
 from latentmotion.plugins import entries
@@ -151,13 +151,7 @@ def _stand(claim: Claim, scene: Measured, request: Request) -> float:
 
 @_grades("weave")
 def _weave(claim: Claim, scene: Measured, request: Request) -> float:
-    left, ahead = scene.signals.velocity.T
-    course = np.degrees(np.unwrap(scene.signals.heading + np.arctan2(left, ahead)))
-    course = course[scene.signals.speed > 0.3]
-    if len(course) < 2:
-        return 0.0
-    swings = sum(len(peaks(curve - curve.min(), 0, 22)) for curve in (course, -course))
-    return _ramp(swings, 0, 3) * _ramp(scene.path.length, 0.0, 1.5)
+    return _ramp(swings(scene, 22), 0, 3) * _ramp(scene.path.length, 0.0, 1.5)
 
 
 @_grades("speed_up", "slow_down")

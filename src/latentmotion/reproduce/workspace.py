@@ -192,8 +192,7 @@ class Workspace:
                 json.loads(json.dumps(to_json(getattr(experiment, part))))
                 for experiment in (run.experiment, wanted)
             )
-            if trained != planned:
-                differing += list(differing_keys(trained, planned, part))
+            differing += differing_keys(trained, planned, part)
         if differing:
             raise InputError(
                 f"{folder} holds a run with other settings: {', '.join(differing)}; remove it, or "

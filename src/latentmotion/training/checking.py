@@ -16,7 +16,7 @@ from latentmotion.data.instructions import DIRECTIONS, SIDES, TURNS, Check, Term
 from latentmotion.errors import InputError, hint
 from latentmotion.measure.facts import FPS, LEFT, RIGHT, Event
 from latentmotion.measure.repetitions import bends, jumps
-from latentmotion.measure.scene import Measured, describe, in_place, lasting, meters
+from latentmotion.measure.scene import Measured, describe, in_place, lasting, meters, swings
 from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stillness, stooped
 
@@ -82,18 +82,6 @@ def goes_straight(scene: Measured, term: Term) -> bool:
     return keeps_facing(scene, term) and net >= 0.9 * scene.path.length
 
 
-def weaves(scene: Measured, term: Term) -> bool:
-    """Its direction of travel swings to both sides by so many degrees, twice or more."""
-    left, ahead = scene.signals.velocity.T
-    travels = scene.signals.speed > 0.3
-    # Radians without jumps, of the frames in which it travels.
-    course = np.degrees(np.unwrap(scene.signals.heading + np.arctan2(left, ahead))[travels])
-    if not len(course):
-        return False
-    swings = [len(peaks(curve - curve.min(), 0, term.numbers[0])) for curve in (course, -course)]
-    return sum(swings) >= 2
-
-
 def is_upright(scene: Measured, term: Term) -> bool:
     """It stands with the trunk upright all the time."""
     standing = sum(part.frames for part in scene.postures if part.kind == "stand")
@@ -115,7 +103,8 @@ CONDITIONS: dict[str, MotionCondition] = {
     "in_place": MotionCondition(lambda scene, term: in_place(scene, term.numbers[0]), 1),
     "facing": MotionCondition(keeps_facing, 1),
     "straight": MotionCondition(goes_straight, 1),
-    "weave": MotionCondition(weaves, 1),
+    # The direction of travel swings to a side by so many degrees, twice or more.
+    "weave": MotionCondition(lambda scene, term: swings(scene, term.numbers[0]) >= 2, 1),
     # The pelvis rises by so many meters in a jump.
     "height": MotionCondition(
         lambda scene, term: any(e.amount >= term.numbers[0] for e in scene.all_of("jump", "hop")), 1

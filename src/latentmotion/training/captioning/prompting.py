@@ -50,8 +50,8 @@ _PEOPLE = {
     for pronoun, *names in SUBJECTS["people"]
     for name in names
 }
-_MASCULINE = re.compile(r"\b(?:man|businessman|grandpa|knight|butler|monk)\b")
-_FEMININE = re.compile(r"\b(?:woman|grandma|girl)\b")
+_MASCULINE = frozenset({"man", "businessman", "grandpa", "knight", "butler", "monk"})
+_FEMININE = frozenset({"woman", "grandma", "girl"})
 
 _CLOSED = re.compile(r"\[([^\[\]]*)\]")
 # Phrases that the grammar allows but nobody types, such as "keeping hopping".
@@ -247,9 +247,9 @@ def _subject(words: Wording, form: str, generator: np.random.Generator) -> Subje
     while form == "doing" and name in ("he", "she", "they"):
         name = _pick(SUBJECTS["common"], generator)
     terse = generator.random() < 0.08
-    if _MASCULINE.search(name):
+    if not _MASCULINE.isdisjoint(name.split()):
         pronouns = _HE
-    elif _FEMININE.search(name):
+    elif not _FEMININE.isdisjoint(name.split()):
         pronouns = _SHE
     else:
         pronouns = _PEOPLE.get(name, _THEY)
