@@ -136,20 +136,17 @@ def read_mean(model: Any, tokens: Tokens, mask: Mask, unit: bool = False) -> Enc
 
 def read_clip(model: Any, tokens: Tokens, mask: Mask) -> EncodedSentences:
     """CLIP's text features; no attention mask is needed, since its attention is causal."""
-    words = model.text_model(input_ids=tokens).last_hidden_state
-    return EncodedSentences(_clip_features(model, tokens), words * mask[..., None], mask)
+    states = read_clip_hidden(model, tokens, mask)
+    return EncodedSentences(states.pooled, states.words * mask[..., None], mask)
 
 
 def read_clip_hidden(model: Any, tokens: Tokens, mask: Mask) -> EncodedSentences:
     """CLIP's states at all places, padding included, as MLD's `last_hidden_state` gives them."""
     words = model.text_model(input_ids=tokens).last_hidden_state
-    return EncodedSentences(_clip_features(model, tokens), words, torch.ones_like(mask))
-
-
-def _clip_features(model: Any, tokens: torch.Tensor) -> torch.Tensor:
     features = model.get_text_features(input_ids=tokens)
     # transformers 5 answers with an object, older ones with the tensor itself.
-    return getattr(features, "pooler_output", features)
+    pooled = getattr(features, "pooler_output", features)
+    return EncodedSentences(pooled, words, torch.ones_like(mask))
 
 
 @dataclass(frozen=True)

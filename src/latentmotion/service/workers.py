@@ -10,13 +10,12 @@ from asyncio.subprocess import PIPE, Process
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
 from latentmotion.errors import DiskFullError, InputError
-from latentmotion.kinematics.skeleton import Skeleton
 from latentmotion.pipeline import RawMotion
 from latentmotion.service.batching import CLIENT, NICE, Turns, room
 from latentmotion.service.metrics import Metrics
@@ -255,13 +254,7 @@ def written(raw: Sequence[RawMotion], form: str, clean: bool, fps: float | None)
             "fps": item.motion.fps,
             "caption": item.motion.caption,
             "metadata": dict(item.motion.metadata),
-            "skeleton": json.dumps(
-                {
-                    field.name: getattr(item.motion.skeleton, field.name)
-                    for field in fields(Skeleton)
-                }
-                | {"offsets": np.asarray(item.motion.skeleton.offsets).tolist()}
-            ),
+            "skeleton": json.dumps(asdict(item.motion.skeleton), default=np.ndarray.tolist),
             "corrections": to_json(item.corrections),
         }
         for item in raw

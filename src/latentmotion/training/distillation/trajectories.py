@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.data.dataset import Crop
@@ -37,10 +37,10 @@ from latentmotion.model.config import FewStepConfig, Sampling
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.device import autocast
 from latentmotion.pipeline import sampler_of
-from latentmotion.storage.files import atomic_file
 from latentmotion.training.denoiser_loss import StepBatch
 from latentmotion.training.distributed import DistributedContext, StepRandomness
 from latentmotion.training.experiment import Precision, TrainingSettings
+from latentmotion.training.run_folder import write_tensors
 from latentmotion.training.takes import joined
 from latentmotion.training.task_conditions import ConditionTable
 
@@ -152,11 +152,8 @@ def cached_trajectories(
     share_file = shares[context.ranks.rank]
     if not path.exists() and not share_file.exists():
         computed = {n: compute(n) for n in range(blocks)[context.ranks.shard(blocks)]}
-        with atomic_file(share_file) as temporary:
-            save_file(
-                _as_tensors({f"{n}.": trajectories for n, trajectories in computed.items()}),
-                temporary,
-            )
+        parts = {f"{n}.{name}": t for n, each in computed.items() for name, t in vars(each).items()}
+        write_tensors(share_file, parts)
     context.wait()
     if context.is_main and not path.exists():
         tensors = {name: part for share in shares for name, part in load_file(share).items()}
@@ -164,21 +161,11 @@ def cached_trajectories(
             Trajectories(*(tensors[f"{n}.{field.name}"] for field in fields(Trajectories)))
             for n in range(blocks)
         ]
-        with atomic_file(path) as temporary:
-            save_file(_as_tensors({"": joined(every)}), temporary)
+        write_tensors(path, vars(joined(every)))
         for share in shares:
             share.unlink()
     context.wait()
     return Trajectories(**load_file(path))
-
-
-def _as_tensors(parts: Mapping[str, Trajectories]) -> dict[str, torch.Tensor]:
-    """Returns the tensors of trajectories by a prefix and their names."""
-    return {
-        f"{prefix}{field.name}": getattr(trajectories, field.name).contiguous()
-        for prefix, trajectories in parts.items()
-        for field in fields(trajectories)
-    }
 
 
 def nothing(shape: tuple[int, ...]) -> np.ndarray:
