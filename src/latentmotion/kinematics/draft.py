@@ -138,11 +138,8 @@ class _Tree:
 
     def head(self, arms: list[list[int]]) -> Guess | None:
         """Returns a guess for the head: by its name, else the highest tip between the arms."""
-        named = [
-            j
-            for j, n in enumerate(self.skeleton.names)
-            if re.search(f"(?i){_HEAD}(?!.*({_TIP}))", n)
-        ]
+        head = re.compile(f"(?i){_HEAD}(?!.*({_TIP}))")
+        named = [joint for joint, name in enumerate(self.skeleton.names) if head.search(name)]
         if named:
             return Guess(named[0], "its name says head")
         arm_joints = {joint for arm in arms for joint in arm}

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -262,9 +263,8 @@ def joint_weights(names: Sequence[str]) -> Float[np.ndarray, "keypoints joints"]
 LIMBS = tuple(
     (f"{side}_{start}", f"{side}_{end}")
     for side in ("left", "right")
-    for start, end in zip(
-        ("hip", "knee", "shoulder", "elbow"), ("knee", "ankle", "elbow", "wrist"), strict=True
-    )
+    for limb in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
+    for start, end in pairwise(limb)
 )
 
 
@@ -343,12 +343,10 @@ def grounded(
     for column in columns:
         finite = np.isfinite(points[:, column]).all(axis=1)
         for axis in range(3):
-            track = (
-                np.interp(frames, frames[finite], points[finite, column, axis])
-                if finite.any()
-                else 0
-            )
-            padded = np.pad(np.broadcast_to(track, len(points)), width, mode="edge")
+            track = np.zeros(len(points))
+            if finite.any():
+                track = np.interp(frames, frames[finite], points[finite, column, axis])
+            padded = np.pad(track, width, mode="edge")
             smooth[:, axis, column] = np.convolve(padded, kernel / kernel.sum(), "valid")
     standing = np.stack([smooth[:, :, foot].mean(axis=2) for foot in feet])
     heights = (standing[:, 1:, 1] + standing[:, :-1, 1]) / 2

@@ -321,11 +321,8 @@ def waves_of(signals: Signals) -> list[Event]:
         up = (wrist[:, 1] > shoulder[:, 1] - 0.1) & (wrist[:, 1] > elbow[:, 1] + 0.05)
         for start, end in spans(closed_gaps(up, 6), 14):
             curve = across[start:end]
-            tops, lows = (
-                peaks(curve - curve.min(), 0.0, 0.07),
-                peaks(curve.max() - curve, 0.0, 0.07),
-            )
-            swings = sorted({*tops, *lows})
+            tops = peaks(curve - curve.min(), 0.0, 0.07)
+            swings = sorted({*tops, *peaks(curve.max() - curve, 0.0, 0.07)})
             quick = len(swings) >= 3 and np.diff(swings).mean() < 0.7 * FPS
             if quick and _is_waving(signals, side, start + swings[0], start + swings[-1] + 1):
                 first, last = start + max(swings[0] - 5, 0), min(start + swings[-1] + 5, end)

@@ -162,9 +162,8 @@ def _moves_and_turns(
     busy = [p for p in description.postures if p.kind in kinds("on_floor")]
     busy += [event for event in events if event.kind in kinds("whole_body")]
     turns = []
-    for (
-        turn
-    ) in description.turns:  # small ones, parts of a kick and those on the floor are left out
+    # Small ones, parts of a kick and those on the floor are left out.
+    for turn in description.turns:
         shared = sum(turn.overlap(event, 4) for event in busy)
         least = 50 if turn.direction == "place" or description.path.length < 1 else 30
         if turn.amount >= (150 if shared > 0.5 * turn.frames else least):

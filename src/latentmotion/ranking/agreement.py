@@ -59,11 +59,8 @@ def check(sentence: str | tuple[Claim, ...], description: Description) -> Agreem
         verdict, reason = check_claim(claim, description, repeated)
         span = frames_for(claim, description) if verdict == "agrees" else None
         if claim.then and span and before and span[1] <= before[0]:
-            verdict, reason, span = (
-                "contradicts",
-                f"{reason}, but earlier than what it follows",
-                None,
-            )
+            reason = f"{reason}, but earlier than what it follows"
+            verdict, span = "contradicts", None
         verdicts.append(verdict)
         reasons.append(f"{claim.kind}: {reason}")
         before = span or before

@@ -164,9 +164,8 @@ def _change(claim: Claim, scene: Measured, request: Request) -> float:
 
 @_grades("stooped")
 def _stooped(claim: Claim, scene: Measured, request: Request) -> float:
-    return _ramp(float(stooped(scene.signals).mean()), 0.0, 0.8) * _ramp(
-        scene.path.length, 0.0, 0.8
-    )
+    share = float(stooped(scene.signals).mean())
+    return _ramp(share, 0.0, 0.8) * _ramp(scene.path.length, 0.0, 0.8)
 
 
 @_grades(*_POSTURES)

@@ -135,13 +135,8 @@ def smooth_normals(
     """Returns the unit normals of vertices: the mean over their faces, weighted by area."""
     a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
     across = np.cross(b - a, c - a)
-    total = np.stack(
-        [
-            np.bincount(triangles.ravel(), np.repeat(across[:, axis], 3), len(vertices))
-            for axis in range(3)
-        ],
-        axis=-1,
-    )
+    corners, pulls = triangles.ravel(), np.repeat(across, 3, axis=0)
+    total = np.stack([np.bincount(corners, pull, len(vertices)) for pull in pulls.T], axis=-1)
     length = np.linalg.norm(total, axis=-1, keepdims=True)
     return total / np.where(length > 0, length, 1)
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -201,12 +202,8 @@ class _Body:
         self.length = {
             (a, b): float(np.linalg.norm(place[b] - place[a]))
             for side in SIDES
-            for a, b in (
-                (f"{side}_hip", f"{side}_knee"),
-                (f"{side}_knee", f"{side}_ankle"),
-                (f"{side}_shoulder", f"{side}_elbow"),
-                (f"{side}_elbow", f"{side}_wrist"),
-            )
+            for limb in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
+            for a, b in pairwise(f"{side}_{part}" for part in limb)
         }
         self.bones = [pair for pair in self.length if "ankle" not in pair[1]]  # whose ways count
 
