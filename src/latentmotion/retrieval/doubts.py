@@ -32,8 +32,14 @@ from jaxtyping import Float
 from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.encoder import pieces
 from latentmotion.language.acts import lookups, of_a_person
-from latentmotion.language.claims import mirror_words
-from latentmotion.language.reading import affirmed, is_idle, request_of, told_in_order
+from latentmotion.language.claims import NO_CORRECTIONS, mirror_words
+from latentmotion.language.reading import (
+    affirmed,
+    asked_exactly,
+    is_idle,
+    request_of,
+    told_in_order,
+)
 from latentmotion.language.words import (
     ENDINGS,
     clauses_of,
@@ -98,6 +104,9 @@ SAME_WORDING = 0.8
 # Probability from which a sentence names a drawn movement, right for 91 % of 600 prompts, and from
 # which one of its clauses names another, or it is the best guess.
 SURE, LIKELY = 0.5, 0.3
+
+# The same where the sentence claims something, but no count and no angle.
+CERTAIN = 0.85
 
 # Weights of the mean cosine of all captions of a clip, and of the share of a sentence's words that
 # they have, beside the cosine of the nearest. Of 4,393 captions of drawn clips, left out one at a
@@ -218,10 +227,10 @@ class SentenceReader:
     def _caption(self, sentence: str) -> str | None:
         """Returns a movement in words that the denoiser learned; None where its own are near them.
 
-        What people say otherwise than captions do becomes the caption whose wording is nearest. Not
-        so where it claims something that can be measured, which the denoiser learned from sentences
-        of all kinds, and where it names a side that the caption does not, or what is done to the
-        person.
+        What people say otherwise than captions do becomes the caption whose wording is nearest, or
+        the drawn movement that it names. Not so where it claims something that can be measured,
+        which the denoiser learned from sentences of all kinds, unless it certainly names one, and
+        where it names a side that the caption does not, or what is done to the person.
         """
         if is_idle(tokens_of(sentence)):
             return None
@@ -230,13 +239,17 @@ class SentenceReader:
         if near is None:
             return None
         same = near.caption.support <= SHOWN and near.cosine >= SAME_WORDING
-        if claims and not same:
-            return None
+        named = self._named(sentence)
+        if claims:
+            exact = asked_exactly(sentence, any_length=True) != NO_CORRECTIONS
+            certain = named is not None and named.probability >= CERTAIN and not exact
+            if not (certain or same):
+                return None
+            named = named if certain else None
         literal = max(
             (self.index.nearest(self._sides(text), 1)[0] for text in lookups(sentence)),
             key=lambda neighbor: neighbor.cosine,
         )
-        named = None if claims else self._named(sentence)
         common = near.caption.support > OFTEN
         # A clip was shown for this movement, so it is meant, however well others fit; one that was
         # drawn has short sentences, which are less near than wordings, and shows the movement where
@@ -261,8 +274,9 @@ class SentenceReader:
             or (not same and literal.is_near and near.cosine <= literal.cosine + farther)
         ):
             return None
-        caption = mirror_words(near.caption.text) if near.mirrored else near.caption.text
-        asked = named_sides(sentence)
+        caption, asked = near.caption.text, named_sides(sentence)
+        if near.mirrored if isinstance(near, Neighbor) else asked != named_sides(caption):
+            caption = mirror_words(caption)
         if (asked and asked != named_sides(caption)) or (
             suffered(sentence) and not suffered(caption)
         ):
