@@ -460,7 +460,7 @@ def _gaits_of(sentence: str) -> list[Claim]:
 def _fits(caption: str, sentence: str) -> bool:
     """Whether a caption says nothing against a sentence: "off" for "onto", a way for "in place".
 
-    Who is hit does not hit; who puts the hands up does not put a hand up.
+    Who is hit does not hit; who puts both hands up does not put a hand up.
     """
     said, words = {*words_of(sentence)}, {*words_of(caption)}
     against = any(
@@ -471,6 +471,7 @@ def _fits(caption: str, sentence: str) -> bool:
     told = "him" in words and not words.isdisjoint(("someone", "somebody"))  # "someone pushes him"
     against |= bool(active) and not (suffered(caption) or "him" in words)
     against |= (bool(passive) or told) and not suffered(sentence) and "him" not in said
+    against |= "both" in said and len(named_sides(caption)) == 1
     single = {noun for lead, noun in pairwise(words_of(caption)) if lead in listed("determiner")}
     against |= any(
         limb in single and limbs in said - words for limb, limbs in data("words.toml")["limbs"]
