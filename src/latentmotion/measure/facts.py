@@ -88,6 +88,10 @@ class Description:
         """Its length."""
         return self.frames / FPS
 
+    def count(self, kind: str, side: str = "") -> int:
+        """Returns how often an event happens; with a side, with that side or both."""
+        return sum(e.count for e in self.find(kind) if not side or e.side in (side, BOTH))
+
     def find(self, kind: str) -> tuple[Event, ...]:
         """Returns the moves, turns, postures and events of a kind, by start."""
         return of_kind((*self.moves, *self.turns, *self.postures, *self.events), kind)
