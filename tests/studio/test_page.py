@@ -429,6 +429,7 @@ def test_library_finds_tags_and_writes_many(page, tmp_path):
     page.wait_for_selector("#grid li:has-text('own')")
     listed(page)
     page.fill("#query", "")
+    listed(page, "listed !== '1'")  # a search that is still awaited would draw the list anew
     page.select_option("#tag", "own")
     listed(page, "listed === '1'")
     page.fill("#grid .title", "mine")
