@@ -625,20 +625,21 @@ class Gestures:
         names = {row["captions"][0] for row in read_rows(self.table)}
         wordings = read_wordings([self.wordings])
         further = {n: w for n, w in wordings.items() if n not in names}
-        movements = index
-        if target.is_file():
-            recordings = recorded(read_index(target))
+        drawn = {n: w for n, w in wordings.items() if n in names}
+        # A regression of few movements would take every sentence for one of them.
+        earlier = read_index(target) if target.is_file() else None
+        if earlier and any(clip.source != SOURCE for clip in earlier.clips):
+            recordings = recorded(earlier)
+            fitted = movement_names(index, drawn, pipeline.text_encoder)
+            drawn = unrecognized(replace(index, names=fitted), drawn, pipeline.text_encoder)
             if self.embed:
                 for name, texts in read_wordings(self.further).items():
                     further[name] = [*further.get(name, ()), *texts]
                 recordings = embedded_anew(recordings, further, pipeline.text_encoder)
-            index = index.joined(recordings)
-        drawn = {n: w for n, w in wordings.items() if n in names}
-        fitted = movement_names(movements, drawn, pipeline.text_encoder)
-        unsure = unrecognized(replace(movements, names=fitted), drawn, pipeline.text_encoder)
-        index = with_wordings(index, unsure, pipeline.text_encoder)
+            index = replace(index, names=fitted).joined(recordings)
+        if any(drawn.values()):
+            index = with_wordings(index, drawn, pipeline.text_encoder)
         index = distinct(along_discriminants(index) if self.embed else index)
-        index = replace(index, names=fitted)
         self.out.mkdir(parents=True, exist_ok=True)
         index.write(target)
         searched = sum(clip.id not in stored for clip in shown)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from latentmotion import MotionPipeline
 from latentmotion.model.card import MOVES_FILE, SHIPPED
 from latentmotion.representation import representation_named
 from latentmotion.retrieval.index import DRAWN, read_index
@@ -55,6 +56,25 @@ def drawn(gestures):
         return {name: joints[:, n] for n, name in enumerate(names)}
 
     return draw
+
+
+OWN = """
+[[gesture]]
+captions = ["a person greets like a zorbian", "the zorbian hello"]
+seconds = 2
+right = [[0.2, "rest"], [0.9, "shoulder", 0, 0.05, 0.44], [1.8, "rest"]]
+"""
+
+
+def test_a_movement_of_ones_own_is_drawn_and_started_from(gestures, tmp_path, capsys):
+    (tmp_path / "own.toml").write_text(OWN)
+    for _ in range(2):  # the second time it replaces what is there
+        gestures.Gestures(tmp_path / "moves", table=tmp_path / "own.toml").run()
+        assert "1 movements" in capsys.readouterr().out
+    own = MotionPipeline.from_pretrained("fast").with_moves(tmp_path / "moves")
+    (choice,) = own.clip_starts.chooser.choices(own.read("greet me like a zorbian"))
+    assert "zorbian" in choice.neighbors[0].caption.text
+    assert own.read("the maestro leads the symphony").caption == "a person conducts an orchestra"
 
 
 def test_a_hand_is_led_to_its_target_and_back(drawn):

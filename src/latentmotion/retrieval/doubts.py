@@ -258,7 +258,10 @@ class SentenceReader:
         farther = {SHOWN: 1.0, DRAWN: drawn}.get(literal.caption.support, 0.0)
         single = len(clauses_of(sentence, self.is_word)) == 1
         itself = literal.caption.clip == (named and named.caption.clip) and single
-        if literal.caption.support == SHOWN and literal.is_near:
+        own = (
+            literal.caption.support <= SHOWN and literal.caption.clip not in self.index.named_clips
+        )
+        if own and literal.is_near:
             return None
         if literal.cosine >= (NEAR_CAPTION if itself else SAME_SENTENCE):
             return None

@@ -159,6 +159,19 @@ class MovementNames:
         values = np.exp(values - values.max(axis=1, keepdims=True))
         return values / values.sum(axis=1, keepdims=True)
 
+    def fits(self, index: ClipIndex) -> bool:
+        """Whether sizes and captions are those of an index."""
+        width = len(index.directions) or index.embeddings.shape[1]
+        movements = self.outward.shape[1], len(self.bias)
+        shapes = self.inward.shape == (width, len(self.outward)) and movements == (
+            len(self.captions),
+            len(self.captions),
+        )
+        numbers = self.captions
+        return not numbers.size or (
+            shapes and 0 <= numbers.min() <= numbers.max() < len(index.captions)
+        )
+
     def coded(self) -> dict[str, np.ndarray]:
         """Returns arrays of a file: both matrices in 8 bits, with the steps of their columns."""
         (inward, in_steps), (outward, out_steps) = (
@@ -234,12 +247,7 @@ class ClipIndex:
         rows_fit = len(self.embeddings) == len(self.captions) + len(self.wordings)
         named = 0 <= self.wordings.min(initial=0) <= self.wordings.max(initial=0)
         named = named and self.wordings.max(initial=0) < len(self.captions)
-        names = self.names
-        sizes = {names.outward.shape[1], len(names.bias), len(names.captions)}
-        fit = len(sizes) == 1 and names.inward.shape[1] == len(names.outward)
-        numbers = names.captions
-        fit = fit and 0 <= numbers.min(initial=0) <= numbers.max(initial=-1) < len(self.captions)
-        if not (rows_fit and named and clips_fit and (fit or not numbers.size)):
+        if not (rows_fit and named and clips_fit and self.names.fits(self)):
             raise InputError("clips and captions of an index do not fit its arrays")
         for caption in self.captions:
             has_clip = 0 <= caption.clip < len(self.clips)
@@ -345,6 +353,11 @@ class ClipIndex:
         side, number = np.unravel_index(likely.argmax(), likely.shape)
         caption = self.captions[self.names.captions[number]]
         return NamedMovement(caption, float(likely[side, number]), bool(side))
+
+    @cached_property
+    def named_clips(self) -> frozenset[int]:
+        """Numbers of the clips that the regression of movements knows."""
+        return frozenset(self.captions[number].clip for number in self.names.captions)
 
     @cached_property
     def _recorded(self) -> Bool[np.ndarray, " rows"]:
@@ -462,9 +475,9 @@ class ClipIndex:
             ),
             directions,
             dict(Counter(self.words) + Counter(other.words)),
-            replace(other.names, captions=other.names.captions + first_caption)
-            if other.names.captions.size
-            else self.names,
+            self.names
+            if self.names.captions.size
+            else replace(other.names, captions=other.names.captions + first_caption),
         )
 
     def write(self, path: Path) -> None:
