@@ -60,20 +60,21 @@ def drawn(gestures):
 
 OWN = """
 [[gesture]]
-captions = ["a person greets like a zorbian", "the zorbian hello"]
+captions = ["a person does the secret club greeting", "the secret club hello"]
 seconds = 2
 right = [[0.2, "rest"], [0.9, "shoulder", 0, 0.05, 0.44], [1.8, "rest"]]
 """
 
 
-def test_a_movement_of_ones_own_is_drawn_and_started_from(gestures, tmp_path, capsys):
+def test_a_movement_of_ones_own_is_drawn_and_started_from(gestures, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("LATENTMOTION_CACHE", str(tmp_path / "cache"))  # where data are unpacked
     (tmp_path / "own.toml").write_text(OWN)
     for _ in range(2):  # the second time it replaces what is there
         gestures.Gestures(tmp_path / "moves", table=tmp_path / "own.toml").run()
         assert "1 movements" in capsys.readouterr().out
     own = MotionPipeline.from_pretrained("fast").with_moves(tmp_path / "moves")
-    (choice,) = own.clip_starts.chooser.choices(own.read("greet me like a zorbian"))
-    assert "zorbian" in choice.neighbors[0].caption.text
+    (choice,) = own.clip_starts.chooser.choices(own.read("does our secret club greeting"))
+    assert "secret club" in choice.neighbors[0].caption.text
     assert own.read("the maestro leads the symphony").caption == "a person conducts an orchestra"
 
 
