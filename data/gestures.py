@@ -49,9 +49,9 @@ from latentmotion.retrieval.index import (
     DRAWN,
     EMBEDDING_LEVELS,
     MOST_LEVELS,
-    NO_NAMES,
+    NO_CLASSIFIER,
     ClipIndex,
-    MovementNames,
+    MovementClassifier,
     quantized,
     read_index,
 )
@@ -469,13 +469,13 @@ def recorded(index: ClipIndex) -> ClipIndex:
             np.append(np.ones(len(index.captions) - captions, bool), remaining)
         ],
         words=dict(Counter(index.words) - Counter(word for text in texts for word in text)),
-        names=NO_NAMES,
+        classifier=NO_CLASSIFIER,
     )
 
 
-def movement_names(
+def fitted_classifier(
     index: ClipIndex, wordings: Mapping[str, Sequence[str]], text_encoder: TextEncoder
-) -> MovementNames:
+) -> MovementClassifier:
     """Returns a softmax regression of the drawn movement that a sentence names, fitted to all.
 
     Args:
@@ -505,7 +505,7 @@ def movement_names(
         schedule.step()
     _, inward, outward = ({n: p.detach().numpy() for n, p in x.named_parameters()} for x in layers)
     bias = inward["bias"] @ outward["weight"].T + outward["bias"]
-    return MovementNames(
+    return MovementClassifier(
         SHARPNESS * inward["weight"].T, outward["weight"].T, bias, np.array(firsts, np.int32)
     )
 
@@ -516,10 +516,10 @@ def unrecognized(
     """Returns wordings that the regression does not surely recognize, or that claim something."""
     remaining: dict[str, list[str]] = {}
     for name, texts in wordings.items():
-        named = [index.named(vector[None]) for vector in embedded(texts, text_encoder)]
+        classified = [index.classified(vector[None]) for vector in embedded(texts, text_encoder)]
         remaining[name] = [
             text
-            for text, movement in zip(texts, named, strict=True)
+            for text, movement in zip(texts, classified, strict=True)
             if request_of(text).claims
             or not (movement and movement.caption.text == name and movement.probability >= SURE)
         ]
@@ -630,13 +630,13 @@ class Gestures:
         earlier = read_index(target) if target.is_file() else None
         if earlier and any(clip.source != SOURCE for clip in earlier.clips):
             recordings = recorded(earlier)
-            fitted = movement_names(index, drawn, pipeline.text_encoder)
-            drawn = unrecognized(replace(index, names=fitted), drawn, pipeline.text_encoder)
+            fitted = fitted_classifier(index, drawn, pipeline.text_encoder)
+            drawn = unrecognized(replace(index, classifier=fitted), drawn, pipeline.text_encoder)
             if self.embed:
                 for name, texts in read_wordings(self.further).items():
                     further[name] = [*further.get(name, ()), *texts]
                 recordings = embedded_anew(recordings, further, pipeline.text_encoder)
-            index = replace(index, names=fitted).joined(recordings)
+            index = replace(index, classifier=fitted).joined(recordings)
         if any(drawn.values()):
             index = with_wordings(index, drawn, pipeline.text_encoder)
         index = distinct(along_discriminants(index) if self.embed else index)

@@ -21,7 +21,7 @@ from latentmotion.retrieval.index import (
     ClipIndex,
     IndexedCaption,
     IndexedClip,
-    MovementNames,
+    MovementClassifier,
     index_file,
     quantized,
     read_index,
@@ -132,29 +132,31 @@ def test_a_wording_of_a_recording_has_to_be_clearly_nearer_than_one_of_a_drawn_c
         near = index.nearest_by_wording(np.array([sentence], np.float32))
         assert near.caption.text == text
     assert index.support(np.array([[0.8, 0.79, 0]])) == 3
-    assert index.support(np.array([[0.8, 0.79, 0]]), clearer=0.1) == DRAWN
+    assert index.support(np.array([[0.8, 0.79, 0]]), margin=0.1) == DRAWN
 
 
 def test_a_regression_of_movements_is_written_and_joined(tmp_path):
     index = index_of([("a wave", 0), ("a bow", 1)], [[1, 0], [0, 1]])
     matrices = np.array([[1.0, 0.5], [0, 1]], np.float32), 9 * np.eye(2, dtype=np.float32)
-    names = MovementNames(*matrices, np.array([0, 0.5], np.float32), np.array([1, 0], np.int32))
-    index = replace(index, names=names)
+    classifier = MovementClassifier(
+        *matrices, np.array([0, 0.5], np.float32), np.array([1, 0], np.int32)
+    )
+    index = replace(index, classifier=classifier)
     index.write(tmp_path / MOVES_FILE)
     again = read_index(tmp_path / MOVES_FILE)
     for sentence in ([[1.0, 0]], [[0.1, 1]]):
-        expected, named = index.named(np.array(sentence)), again.named(np.array(sentence))
+        expected, named = index.classified(np.array(sentence)), again.classified(np.array(sentence))
         assert named.caption == expected.caption
         assert named.probability == pytest.approx(expected.probability, abs=0.03)
-    assert index.named(np.array([[1.0, 0]])).caption.text == "a bow"
-    swapped = index.named(np.array([[0.7, 0.72], [1.0, 0]]))
+    assert index.classified(np.array([[1.0, 0]])).caption.text == "a bow"
+    swapped = index.classified(np.array([[0.7, 0.72], [1.0, 0]]))
     assert swapped.mirrored and swapped.caption.text == "a bow"
     taught = index_of([("a kick", 0)], [[0.5, 0.5]], support=0)
-    assert taught.named(np.array([[1.0, 0]])) is None
+    assert taught.classified(np.array([[1.0, 0]])) is None
     for both in (taught.joined(index), index.joined(taught)):
-        assert both.named(np.array([[1.0, 0]])).caption.text == "a bow"
+        assert both.classified(np.array([[1.0, 0]])).caption.text == "a bow"
     with pytest.raises(InputError, match="do not fit"):
-        replace(index, names=replace(names, captions=np.array([1, 2], np.int32)))
+        replace(index, classifier=replace(classifier, captions=np.array([1, 2], np.int32)))
 
 
 def test_an_index_along_few_directions_is_joined_with_one_along_all():

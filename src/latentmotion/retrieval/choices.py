@@ -42,7 +42,15 @@ from latentmotion.retrieval.doubts import (
     SentenceReader,
     fitting,
 )
-from latentmotion.retrieval.index import ALIKE_WORDS, CLEARER, DRAWN, OFTEN, RARE, SHOWN, Neighbor
+from latentmotion.retrieval.index import (
+    ALIKE_WORDS,
+    DRAWN,
+    OFTEN,
+    RARE,
+    RECORDING_MARGIN,
+    SHOWN,
+    Neighbor,
+)
 
 USUAL = 60.0  # Support of a movement that succeeds from noise about as often as from a clip.
 
@@ -304,7 +312,7 @@ class Chooser(SentenceReader):
             versions = [unit(sides + meant) for sides in versions]
         nearest = [(sides, self.index.nearest(sides, MOST_COMPARED)) for sides in versions]
         sides, every = max(nearest, key=lambda version: version[1][0].cosine)
-        support = self.index.support(sides, 0.0 if _claims(sentence) else CLEARER)
+        support = self.index.support(sides, 0.0 if _claims(sentence) else RECORDING_MARGIN)
         near = [n for n in every if n.caption.support == SHOWN or _fits(n.caption.text, sentence)]
         near = fitting(near, sides, sentence, self.index)
         if done := suffered(sentence):  # how common it is to do it says nothing

@@ -8,7 +8,7 @@ is another one; or a word names what is never moved (`outside.toml`).
 Wordings: each movement that people say otherwise than captions do is read as the caption whose
 wording is nearest (`wordings.py`).
 
-Names: a softmax regression tells which drawn movement a sentence names (`index.py`); where it is
+Classes: a softmax regression tells which drawn movement a sentence names (`index.py`); where it is
 sure, the sentence is read so, and where nothing is near, as what is likeliest.
 
 Fit: how well a drawn clip shows what a sentence asks for. Captions of drawn clips are short, so
@@ -57,13 +57,13 @@ from latentmotion.language.words import (
 )
 from latentmotion.retrieval.index import (
     ABOUT,
-    CLEARER,
     DRAWN,
     OFTEN,
     RARE,
+    RECORDING_MARGIN,
     SHOWN,
+    ClassifiedMovement,
     ClipIndex,
-    NamedMovement,
     Neighbor,
 )
 
@@ -239,13 +239,13 @@ class SentenceReader:
         if near is None:
             return None
         same = near.caption.support <= SHOWN and near.cosine >= SAME_WORDING
-        named = self._named(sentence)
+        movement = self._classified(sentence)
         if claims:
             exact = asked_exactly(sentence, any_length=True) != NO_CORRECTIONS
-            certain = named is not None and named.probability >= CERTAIN and not exact
+            certain = movement is not None and movement.probability >= CERTAIN and not exact
             if not (certain or same):
                 return None
-            named = named if certain else None
+            movement = movement if certain else None
         literal = max(
             (self.index.nearest(self._sides(text), 1)[0] for text in lookups(sentence)),
             key=lambda neighbor: neighbor.cosine,
@@ -257,20 +257,21 @@ class SentenceReader:
         drawn = ABOUT if near.caption.support <= RARE else NEARER
         farther = {SHOWN: 1.0, DRAWN: drawn}.get(literal.caption.support, 0.0)
         single = len(clauses_of(sentence, self.is_word)) == 1
-        itself = literal.caption.clip == (named and named.caption.clip) and single
+        itself = literal.caption.clip == (movement and movement.caption.clip) and single
         own = (
-            literal.caption.support <= SHOWN and literal.caption.clip not in self.index.named_clips
+            literal.caption.support <= SHOWN
+            and literal.caption.clip not in self.index.classified_clips
         )
         if own and literal.is_near:
             return None
         if literal.cosine >= (NEAR_CAPTION if itself else SAME_SENTENCE):
             return None
         said = near.caption.support == SHOWN or near.cosine >= SAME_SENTENCE
-        if named and named.probability >= SURE and not said:
-            near = named
-        elif (named or single) and self._is_far(sentence, literal, sides):
+        if movement and movement.probability >= SURE and not said:
+            near = movement
+        elif (movement or single) and self._is_far(sentence, literal, sides):
             # What nothing is near is read as what it likeliest names, and doubted.
-            near = _likeliest(named, near, literal)
+            near = _likeliest(movement, near, literal)
         elif (
             near.cosine < (NEAR_WORDING_OF_COMMON if common else NEAR_WORDING)
             or literal.cosine >= (near.cosine if same else min(NEAR_CAPTION, near.cosine))
@@ -286,18 +287,18 @@ class SentenceReader:
             return None
         return caption
 
-    def _named(self, sentence: str) -> NamedMovement | None:
+    def _classified(self, sentence: str) -> ClassifiedMovement | None:
         """Returns the drawn movement that a sentence names, None if there is none for all of it.
 
         A sentence one of whose clauses names another asks for them one after the other.
         """
-        named = self.index.named(self._sides(sentence))
+        movement = self.index.classified(self._sides(sentence))
         clauses = clauses_of(sentence, self.is_word)
-        if not named or len(clauses) == 1:
-            return named
-        parts = [self.index.named(self._sides(clause)) for clause in clauses]
-        others = [part for part in parts if part and part.caption.clip != named.caption.clip]
-        return None if any(part.probability >= LIKELY for part in others) else named
+        if not movement or len(clauses) == 1:
+            return movement
+        parts = [self.index.classified(self._sides(clause)) for clause in clauses]
+        others = [part for part in parts if part and part.caption.clip != movement.caption.clip]
+        return None if any(part.probability >= LIKELY for part in others) else movement
 
     def _sides(self, sentence: str) -> Float[np.ndarray, "sides width"]:
         """Returns the embedding of a sentence, and that of its mirror image if it differs."""
@@ -340,8 +341,8 @@ class SentenceReader:
             vectors = self.text_encoder(sides).pooled
             (neighbor,) = self.index.nearest(vectors, 1)
             wording = self.index.nearest_by_wording(vectors) or neighbor
-            named = None if request_of(part).claims else self._named(part)
-            caption = _likeliest(named, neighbor, wording).caption.text
+            movement = None if request_of(part).claims else self._classified(part)
+            caption = _likeliest(movement, neighbor, wording).caption.text
             near = neighbor.cosine >= NEAR_ENOUGH
             shown = near and outside in caption.lower()
             if outside and outside in part.lower() and not shown:
@@ -350,7 +351,7 @@ class SentenceReader:
             unheard = sum(not self._is_known(word) for word in words)
             if unheard > 1 and 2 * unheard > len(words):  # another language
                 return Doubt(part.strip(), "captions have few of its words", caption)
-            surely = named is not None and named.probability >= SURE
+            surely = movement is not None and movement.probability >= SURE
             if near or surely or wording.cosine >= SAID_OTHERWISE:
                 continue
             word = self._foreign_word(part)
@@ -427,11 +428,13 @@ def _edits(word: str) -> Iterator[str]:
                 yield head + letter + tail[1:]
 
 
-def _likeliest(named: NamedMovement | None, *near: Neighbor) -> NamedMovement | Neighbor:
+def _likeliest(
+    movement: ClassifiedMovement | None, *near: Neighbor
+) -> ClassifiedMovement | Neighbor:
     """Returns what a sentence likeliest names; else what is nearest, recordings clearly so."""
-    if named and named.probability >= LIKELY:
-        return named
-    return max(near, key=lambda n: n.cosine - CLEARER * (n.caption.support > SHOWN))
+    if movement and movement.probability >= LIKELY:
+        return movement
+    return max(near, key=lambda n: n.cosine - RECORDING_MARGIN * (n.caption.support > SHOWN))
 
 
 @cache
@@ -481,7 +484,8 @@ def fitting(
     """
     named = named_sides(sentence)
     itself = max(
-        (n.cosine for n in near if named and named == named_sides(n.caption.text)), default=0.0
+        (n.cosine for n in near if named and named == named_sides(n.caption.text)),
+        default=0.0,
     )
     # No mirror image of a drawn clip, nor one of both sides, where another shows the side itself.
     near = [

@@ -33,7 +33,7 @@ from latentmotion.storage.configuration import from_json, to_json
 from latentmotion.storage.files import atomic_file
 
 FORMAT = "latentmotion moves 3"
-_WITHOUT_NAMES = "latentmotion moves 2"  # The same without a regression of movements.
+_WITHOUT_CLASSIFIER = "latentmotion moves 2"  # The same without a regression of movements.
 _ROW_BY_ROW = "latentmotion moves 1"  # The same in another order: movements that people taught.
 
 # Cosine from which the clip of a caption may show what a sentence asks for: above .70 it usually
@@ -49,7 +49,7 @@ LEAST_OF_DRAWN = 0.64
 # How much nearer than the wording of a drawn clip that of a recording has to be: sentences of drawn
 # clips were written for what they show. Of 600 prompts for drawn movements, by a writer who knew
 # their names alone, the nearest row is right for 47 % then, 40 % without.
-CLEARER = 0.04
+RECORDING_MARGIN = 0.04
 
 # Support up to which a movement is rare: with so few clips of 3,700 the denoiser often makes
 # another one from noise. With 60 frequent movements lost (lab/diary/rare_acts.md).
@@ -127,8 +127,8 @@ class Neighbor:
 
 
 @dataclass(frozen=True)
-class NamedMovement:
-    """A drawn movement that a sentence names."""
+class ClassifiedMovement:
+    """The drawn movement that a sentence names, as it is classified."""
 
     caption: IndexedCaption  # Its name.
     probability: float  # How likely.
@@ -136,7 +136,7 @@ class NamedMovement:
 
 
 @dataclass(frozen=True, eq=False)
-class MovementNames:
+class MovementClassifier:
     """Softmax regression of low rank: which movement a sentence names.
 
         p(movement | s) = softmax(s A B + b)
@@ -178,16 +178,18 @@ class MovementNames:
             quantized(matrix, 0, MOST_LEVELS) for matrix in (self.inward, self.outward)
         )
         values = inward, in_steps, outward, out_steps, self.bias, self.captions
-        return dict(zip(_OF_NAMES, map(np.ascontiguousarray, values), strict=True))
+        return dict(zip(_CLASSIFIER_ARRAYS, map(np.ascontiguousarray, values), strict=True))
 
     @classmethod
-    def decoded(cls, arrays: Mapping[str, np.ndarray]) -> MovementNames:
+    def decoded(cls, arrays: Mapping[str, np.ndarray]) -> MovementClassifier:
         """Returns the regression that the arrays of a file hold.
 
         Raises:
             ValueError: They are of other sizes or types, or not finite.
         """
-        inward, in_steps, outward, out_steps, bias, captions = (arrays[n] for n in _OF_NAMES)
+        inward, in_steps, outward, out_steps, bias, captions = (
+            arrays[n] for n in _CLASSIFIER_ARRAYS
+        )
         kinds = [(array.dtype.type, array.ndim) for array in (inward, outward, bias, captions)]
         if kinds != [(np.int8, 2), (np.int8, 2), (np.float32, 1), (np.int32, 1)]:
             raise ValueError("a regression of other sizes or types")
@@ -197,9 +199,11 @@ class MovementNames:
 
 
 # Arrays of a regression in a file.
-_OF_NAMES = tuple(f"names_{n}" for n in ("in", "in_steps", "out", "out_steps", "bias", "captions"))
+_CLASSIFIER_ARRAYS = tuple(
+    f"classifier_{n}" for n in ("in", "in_steps", "out", "out_steps", "bias", "captions")
+)
 
-NO_NAMES = MovementNames(
+NO_CLASSIFIER = MovementClassifier(
     ALL_DIRECTIONS, ALL_DIRECTIONS, np.zeros(0, np.float32), np.zeros(0, np.int32)
 )
 
@@ -230,7 +234,7 @@ class ClipIndex:
     # Words of all captions of the data, with the number of clips whose captions have them; also of
     # captions that were left out (`teach.py`).
     words: Mapping[str, int]
-    names: MovementNames = NO_NAMES  # Recognizes drawn movements by sentences.
+    classifier: MovementClassifier = NO_CLASSIFIER  # Of drawn movements, by sentences.
     # The cosines asked for last: a sentence and its clauses are read for clips and for doubts.
     _latest: dict[tuple[bool, bytes], Float[np.ndarray, "sides rows"]] = field(
         default_factory=dict, init=False, repr=False
@@ -247,7 +251,7 @@ class ClipIndex:
         rows_fit = len(self.embeddings) == len(self.captions) + len(self.wordings)
         named = 0 <= self.wordings.min(initial=0) <= self.wordings.max(initial=0)
         named = named and self.wordings.max(initial=0) < len(self.captions)
-        if not (rows_fit and named and clips_fit and self.names.fits(self)):
+        if not (rows_fit and named and clips_fit and self.classifier.fits(self)):
             raise InputError("clips and captions of an index do not fit its arrays")
         for caption in self.captions:
             has_clip = 0 <= caption.clip < len(self.clips)
@@ -328,7 +332,7 @@ class ClipIndex:
     def nearest_by_wording(self, sentences: Float[np.ndarray, "sides width"]) -> Neighbor | None:
         """Returns the caption one of whose wordings is nearest to a sentence, if there are any.
 
-        A wording of a recording counts as farther by CLEARER.
+        A wording of a recording counts as farther by RECORDING_MARGIN.
 
         Args:
             sentences: As for `nearest`.
@@ -336,45 +340,45 @@ class ClipIndex:
         if not len(self.wordings):
             return None
         cosines = self._cosines(sentences, wordings=True)
-        clear = cosines - np.float32(CLEARER) * self._recorded[len(self.captions) :]
+        clear = cosines - np.float32(RECORDING_MARGIN) * self._recorded[len(self.captions) :]
         side, row = np.unravel_index(clear.argmax(), cosines.shape)
         caption = self.captions[self.wordings[row]]
         return Neighbor(caption, float(cosines[side, row]), bool(side))
 
-    def named(self, sentences: Float[np.ndarray, "sides width"]) -> NamedMovement | None:
+    def classified(self, sentences: Float[np.ndarray, "sides width"]) -> ClassifiedMovement | None:
         """Returns the drawn movement that a sentence names likeliest; None if none is recognized.
 
         Args:
             sentences: As for `nearest`.
         """
-        if not self.names.captions.size:
+        if not self.classifier.captions.size:
             return None
-        likely = self.names.probabilities(unit(sentences))
+        likely = self.classifier.probabilities(unit(sentences))
         side, number = np.unravel_index(likely.argmax(), likely.shape)
-        caption = self.captions[self.names.captions[number]]
-        return NamedMovement(caption, float(likely[side, number]), bool(side))
+        caption = self.captions[self.classifier.captions[number]]
+        return ClassifiedMovement(caption, float(likely[side, number]), bool(side))
 
     @cached_property
-    def named_clips(self) -> frozenset[int]:
+    def classified_clips(self) -> frozenset[int]:
         """Numbers of the clips that the regression of movements knows."""
-        return frozenset(self.captions[number].clip for number in self.names.captions)
+        return frozenset(self.captions[number].clip for number in self.classifier.captions)
 
     @cached_property
     def _recorded(self) -> Bool[np.ndarray, " rows"]:
         recorded = np.array([caption.support > SHOWN for caption in self.captions])
         return np.concatenate([recorded, recorded[self.wordings]])
 
-    def support(self, sentences: Float[np.ndarray, "sides width"], clearer: float = 0.0) -> int:
+    def support(self, sentences: Float[np.ndarray, "sides width"], margin: float = 0.0) -> int:
         """Returns the largest support of the captions that are about as near as the nearest.
 
         The nearest caption of "race along" may be of one clip, beside others of hundreds.
 
         Args:
             sentences: As for `nearest`.
-            clearer: How much farther a caption of a recording counts.
+            margin: How much farther a caption of a recording counts.
         """
         recorded = self._recorded[: len(self.captions)]
-        cosines = self._cosines(sentences).max(axis=0) - np.float32(clearer) * recorded
+        cosines = self._cosines(sentences).max(axis=0) - np.float32(margin) * recorded
         near = np.flatnonzero(cosines >= cosines.max() - ABOUT)
         return max(self.captions[row].support for row in near.tolist())
 
@@ -475,9 +479,9 @@ class ClipIndex:
             ),
             directions,
             dict(Counter(self.words) + Counter(other.words)),
-            self.names
-            if self.names.captions.size
-            else replace(other.names, captions=other.names.captions + first_caption),
+            self.classifier
+            if self.classifier.captions.size
+            else replace(other.classifier, captions=other.classifier.captions + first_caption),
         )
 
     def write(self, path: Path) -> None:
@@ -490,7 +494,7 @@ class ClipIndex:
             name: np.ascontiguousarray(getattr(self, name))
             for name in ("latents", "latent_scale", "wordings", "embeddings", "directions")
         }
-        arrays |= self.names.coded()
+        arrays |= self.classifier.coded()
         arrays |= {name: np.ascontiguousarray(arrays[name].T) for name in _BY_CHANNEL}
         text = {
             "format": FORMAT,
@@ -562,14 +566,14 @@ def read_index(path: Path) -> ClipIndex:
             raise ValueError(f"cut off, or more than {_MOST_BYTES} bytes")
         arrays = load(content)
         text = json.loads(arrays.pop("text").tobytes())
-        by_column = text["format"] in (FORMAT, _WITHOUT_NAMES)
+        by_column = text["format"] in (FORMAT, _WITHOUT_CLASSIFIER)
         if not by_column and text["format"] != _ROW_BY_ROW:
             raise ValueError(f"format {str(text['format'])[:40]!r}, expected {FORMAT!r}")
         if by_column:
             text |= {name: zip(*text[name], strict=True) for name in ("clips", "captions")}
             arrays |= {name: np.ascontiguousarray(arrays[name].T) for name in _BY_CHANNEL}
-        of_names = {name: arrays.pop(name) for name in _OF_NAMES if name in arrays}
-        names = MovementNames.decoded(of_names) if of_names else NO_NAMES
+        parameters = {name: arrays.pop(name) for name in _CLASSIFIER_ARRAYS if name in arrays}
+        classifier = MovementClassifier.decoded(parameters) if parameters else NO_CLASSIFIER
         kinds = (str, str, str, int, int)
         clips = tuple(IndexedClip(*_typed(row, kinds)) for row in text["clips"])
         kinds = (str, int, int, int, int)
@@ -587,7 +591,7 @@ def read_index(path: Path) -> ClipIndex:
             captions,
             **arrays,
             words={str(word): int(count) for word, count in rows},
-            names=names,
+            classifier=classifier,
         )
     except _DAMAGE as error:
         raise ModelError(f"{path} is no index of clips, or damaged ({error})") from error
