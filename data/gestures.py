@@ -96,7 +96,7 @@ ELBOW, KNEE = (0.5, -0.8, -0.2), (0.12, 0.0, 1.0)
 ROUND = 0.2
 
 # Rank, epochs, sentences of a step, largest learning rate and scale of the embeddings, of unit
-# length, of the regression of movements: of 600 prompts rank 64 recognizes 68 %, 128 72 %.
+# length, of the classifier: of 600 prompts rank 64 has 68 % right, 128 72 %, with 20,000 wordings.
 RANK, EPOCHS, BATCH, RATE, SHARPNESS = 96, 40, 256, 2e-3, 10.0
 
 STEPS = 60  # Steps of the descent to the latents of a movement.
