@@ -70,18 +70,19 @@ def test_the_exported_scorer_repeats_the_networks(
     scorer = Scorer.load(tmp_path / "scorer")
     assert (scorer.card.name, scorer.card.fingerprint) == ("mine", evaluator.fingerprint)
     features = [data.features(clip) for clip in data.clips("train")[:3]]
-    assert np.abs(scorer.embed(features) - evaluator.motions(features)).max() < 2e-3
+    # Matrices are kept in 8 bits.
+    assert np.abs(scorer.embed(features) - evaluator.motions(features)).max() < 1e-2
     texts = ["a person walks", "kick twice with the left foot"]
     found = evaluator.texts([Caption(text, 0, 1) for text in texts])
-    assert np.abs(scorer.texts(texts) - found).max() < 2e-3
+    assert np.abs(scorer.texts(texts) - found).max() < 1e-2
     judge = load_evaluator(tmp_path / "scorer")
     assert isinstance(judge, TextMotionEvaluator) and judge.fingerprint == evaluator.fingerprint
     assert np.array_equal(judge.motions(features), scorer.embed(features))
     assert np.array_equal(judge.texts([Caption(text, 0, 1) for text in texts]), scorer.texts(texts))
     assert len(read_training_vectors(scorer).clips) == len(data.clips("train"))
     graph = onnx.load(tmp_path / "scorer" / "motion.onnx")
-    halves = [t for t in graph.graph.initializer if t.data_type == onnx.TensorProto.FLOAT16]
-    assert len(halves) > 4
+    packed = [t for t in graph.graph.initializer if t.data_type == onnx.TensorProto.INT8]
+    assert len(packed) > 4
 
 
 def test_the_shipped_scorer_is_an_evaluator_by_name(

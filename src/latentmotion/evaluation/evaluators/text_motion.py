@@ -20,7 +20,7 @@ import numpy as np
 import onnx
 import torch
 from jaxtyping import Float
-from onnx import helper, numpy_helper
+from onnx import numpy_helper
 from safetensors.torch import save_file
 from torch import Tensor
 
@@ -39,7 +39,7 @@ from latentmotion.evaluation.evaluators.text_motion_network import (
     TowerNetworks,
 )
 from latentmotion.evaluation.evaluators.words import EncodedWords, GloveWords, WordVectors
-from latentmotion.export.onnx import FEWEST, FunctionModule, trace
+from latentmotion.export.onnx import FEWEST, FunctionModule, scaled_rows, trace
 from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, Provenance
 from latentmotion.networks.checkpoint import load_weights, read_weights
 from latentmotion.ranking import scorer as scorers
@@ -275,24 +275,30 @@ def export_scorer(
         )
         trace(text_tower, {"words": states, "mask": mask}, temporary / scorers.TEXT_FILE)
         for graph in (scorers.MOTION_FILE, scorers.TEXT_FILE):
-            halve_weights(temporary / graph)
+            pack_weights(temporary / graph)
         if data is not None:
             scorer = scorers.Scorer.load(temporary, words.encoder)
             training_vectors(data, scorer).write(temporary / scorers.CLIPS_FILE)
 
 
-def halve_weights(graph: Path) -> None:
-    """Keeps a graph's weights in 16 bits; engines cast them to 32 while they load it."""
+def pack_weights(graph: Path) -> None:
+    """Keeps a graph's matrices and kernels in 8 bits; engines restore them while they load it.
+
+    Each output of a layer has a scale of its own: of a matrix a column, of a kernel a row.
+    """
     model = onnx.load(graph)
-    casts = []
-    for tensor in model.graph.initializer:
-        values = numpy_helper.to_array(tensor)
-        if tensor.data_type != onnx.TensorProto.FLOAT or values.size < FEWEST:
+    nodes: list[onnx.NodeProto] = []
+    for tensor in [*model.graph.initializer]:
+        values, name = numpy_helper.to_array(tensor), tensor.name
+        if tensor.data_type != onnx.TensorProto.FLOAT or values.size < FEWEST or values.ndim < 2:
             continue
-        name = tensor.name
-        tensor.CopyFrom(numpy_helper.from_array(values.astype("float16"), f"{name}.half"))
-        casts.append(helper.make_node("Cast", [f"{name}.half"], [name], to=onnx.TensorProto.FLOAT))
-    nodes = [*casts, *model.graph.node]
+        inputs = 0 if values.ndim == 2 else tuple(range(1, values.ndim))
+        scale = np.maximum(np.abs(values).max(axis=inputs, keepdims=True) / 127, 1e-12)
+        packed = np.round(values / scale).astype(np.int8)
+        tensor.CopyFrom(numpy_helper.from_array(packed, f"{name}.packed"))
+        model.graph.initializer.append(numpy_helper.from_array(scale, f"{name}.scale"))
+        nodes += scaled_rows(f"{name}.packed", f"{name}.scale", name)
+    nodes += model.graph.node
     del model.graph.node[:]
     model.graph.node.extend(nodes)
     graph.write_bytes(model.SerializeToString())
