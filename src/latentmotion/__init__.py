@@ -44,60 +44,29 @@ if TYPE_CHECKING:
 
 __version__ = "1.0.0rc1"
 
+# Where each public name is, besides the imports above, which only type checkers run.
 _HOMES = {
-    "Animation": "kinematics.skeleton",
-    "fit_motion": "control.fit_keypoints",
-    "generate_between": "control.edit",
-    "generate_edited": "control.edit",
-    "generate_joined": "control.edit",
-    "generate_loop": "control.stream",
-    "generate_stream": "control.stream",
-    "generate_timeline": "control.timeline",
-    "Heading": "control.goals",
-    "LookAt": "control.goals",
-    "RootPath": "control.goals",
-    "Pose": "control.goals",
-    "Reach": "control.goals",
-    "Dataset": "data.dataset",
-    "LatentMotionError": "errors",
-    "Motion": "motion",
-    "MotionPipeline": "pipeline",
-    "Skeleton": "kinematics.skeleton",
-    "load": "formats",
-    "read_asf_amc": "formats.asf_amc",
-    "read_bvh": "formats.bvh",
-    "save": "formats",
-    "to_humanml3d": "kinematics.humanoid",
-    "write_bvh": "formats.bvh",
+    name: module
+    for module, names in {
+        "control.edit": "generate_between generate_edited generate_joined",
+        "control.fit_keypoints": "fit_motion",
+        "control.goals": "Heading LookAt Pose Reach RootPath",
+        "control.stream": "generate_loop generate_stream",
+        "control.timeline": "generate_timeline",
+        "data.dataset": "Dataset",
+        "errors": "LatentMotionError",
+        "formats": "load save",
+        "formats.asf_amc": "read_asf_amc",
+        "formats.bvh": "read_bvh write_bvh",
+        "kinematics.humanoid": "to_humanml3d",
+        "kinematics.skeleton": "Animation Skeleton",
+        "motion": "Motion",
+        "pipeline": "MotionPipeline",
+    }.items()
+    for name in names.split()
 }
 
-__all__ = [
-    "Animation",
-    "Dataset",
-    "Heading",
-    "LatentMotionError",
-    "LookAt",
-    "Motion",
-    "MotionPipeline",
-    "Pose",
-    "Reach",
-    "RootPath",
-    "Skeleton",
-    "__version__",
-    "fit_motion",
-    "generate_between",
-    "generate_edited",
-    "generate_joined",
-    "generate_loop",
-    "generate_stream",
-    "generate_timeline",
-    "load",
-    "read_asf_amc",
-    "read_bvh",
-    "save",
-    "to_humanml3d",
-    "write_bvh",
-]
+__all__ = ["__version__", *_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 # What a motion does by rooms above it, which it does not import.

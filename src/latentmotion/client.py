@@ -251,7 +251,7 @@ class Job:
         self._client, self.name = client, name
 
     def state(self) -> dict[str, Any]:
-        """Returns how far it is: state, motions, made, error."""
+        """Returns how far it is: state, motions, finished, error."""
         return self._client._answer("GET", f"/v1/jobs/{self.name}").json()
 
     def result(self, timeout: float = 3600.0) -> bytes:

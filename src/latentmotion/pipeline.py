@@ -908,8 +908,8 @@ def features_from_noise(
     z = sample(
         estimator, sampler, batch.noise, batch.condition, batch.tokens, steps, noise, remaining
     )
-    if batch.start is not None and batch.kept is not None:
-        z = z + batch.kept * (batch.start - z)
+    if batch.start is not None and batch.start_share is not None:
+        z = z + batch.start_share * (batch.start - z)
     return decoder(z, batch.frames)
 
 

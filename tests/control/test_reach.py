@@ -153,7 +153,7 @@ def test_known_latents_are_kept_with_the_noise_sampling_began_with(
         states.append((z, t))
         return np.tanh(z)
 
-    keep = Correction(decoded(), known=known, is_known=is_known)
+    keep = Correction(decoded(), fixed=known, is_known=is_known)
     denoiser = CorrectedDenoiser(ParametrizedDenoiser(network, parametrization, schedule), keep)
     for sampler in (DDIM, Heun, DPMSolver):
         states.clear()

@@ -45,7 +45,7 @@ def test_a_job_is_made_and_deleted(called: Called) -> None:
         "id": added.json()["id"],
         "state": "done",
         "motions": 2,
-        "made": 2,
+        "finished": 2,
         "error": None,
     }
     with np.load(io.BytesIO(called.get(f"{place}/result").content)) as found:

@@ -144,13 +144,13 @@ def clean_batch(
     cleaned = _clean_alike(motions, steps, corrections)
     recorded = [motion.recorded for motion in motions]
     counting = [n for n, c in enumerate(corrections) if c.count and steps.exact_count]
-    chosen, wanted = [motions[n] for n in counting], [corrections[n] for n in counting]
+    chosen, counts = [motions[n] for n in counting], [corrections[n] for n in counting]
     moving = replace(steps, in_place=False)  # repetitions are counted on the path
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CleanUpWarning)  # whole motions have had their own
         on_path = [cleaned[n] for n in counting]
-        on_path = _clean_alike(chosen, moving, wanted) if steps.in_place else on_path
-        results = _counted_exactly(chosen, on_path, wanted, moving)
+        on_path = _clean_alike(chosen, moving, counts) if steps.in_place else on_path
+        results = _counted_exactly(chosen, on_path, counts, moving)
     for number, (exact, fit) in zip(counting, results, strict=True):
         motion, count = motions[number], corrections[number].count
         if fit and count:
@@ -184,8 +184,8 @@ def _counted_exactly(
                 candidates[number] = searches[number].send(reply)
             except StopIteration as end:
                 results[number] = end.value
-        wanted = [corrections[number] for number, some in candidates.items() for _ in some]
-        again = iter(_clean_alike([*chain(*candidates.values())], steps, wanted))
+        theirs = [corrections[number] for number, some in candidates.items() for _ in some]
+        again = iter(_clean_alike([*chain(*candidates.values())], steps, theirs))
         replies = {number: [*islice(again, len(some))] for number, some in candidates.items()}
     return [results[number] for number in range(len(searches))]
 

@@ -128,7 +128,7 @@ def known_latents_of(generator: Generator, request: GenerationRequest) -> Sample
         z: Float[np.ndarray, "tokens width"], known: Bool[np.ndarray, " tokens"], seed: int
     ) -> Float[np.ndarray, "tokens width"]:
         seeded, frames = replace(request, seeds=(seed,)), len(z) * STRIDE
-        keep = Correction(motion(frames), known=z, is_known=known)
+        keep = Correction(motion(frames), fixed=z, is_known=known)
         return keep(latents_of(generator, seeded)(frames, keep)[None])[0]
 
     return sample_known

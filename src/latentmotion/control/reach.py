@@ -225,7 +225,7 @@ class Correction:
     motion: DecodedMotion
     residual: Residual | None = None  # Residuals of the goals; None without goals.
     # Latents in the denoiser's scale; those that are not known are not read.
-    known: Latents | None = None
+    fixed: Latents | None = None
     is_known: Bool[np.ndarray, " tokens"] | None = None  # True on known tokens.
     settings: ReachSettings = field(default_factory=ReachSettings)
 
@@ -234,8 +234,8 @@ class Correction:
     ) -> Float[np.ndarray, "1 tokens width"]:
         """Returns corrected latents of one motion."""
         clean, free = np.array(z[0]), None
-        if self.known is not None and self.is_known is not None:
-            clean[self.is_known], free = self.known[self.is_known], ~self.is_known
+        if self.fixed is not None and self.is_known is not None:
+            clean[self.is_known], free = self.fixed[self.is_known], ~self.is_known
         if self.residual is not None and self.settings.updates:
             clean = reach(clean, self.motion, self.residual, free, self.settings)
         return clean[None]

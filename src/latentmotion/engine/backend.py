@@ -57,7 +57,7 @@ class Batch:
     frames: Bool[Any, "batch frames"]  # True on real frames.
     # Latents of the clips that sampling starts from; None for pure noise.
     start: Float[Any, "batch tokens width"] | None = None
-    kept: Float[Any, "batch tokens 1"] | None = None  # Share of them in the result.
+    start_share: Float[Any, "batch tokens 1"] | None = None  # Share of them in the result.
 
     @property
     def condition(self) -> Conditioning:

@@ -33,7 +33,7 @@ class Start:
     share: float  # Share of the sampling steps that remain: 0 keeps the latents, 1 is pure noise.
     # Share of z_0 in the result, by default none, with which the sampled latents are mixed: few
     # steps have no time between the last and the end at which less would change.
-    kept: Float[np.ndarray, " tokens"] | None = None
+    result_share: Float[np.ndarray, " tokens"] | None = None
 
     def remaining(self, steps: int) -> int:
         """Returns how many of so many steps remain: at least one."""
@@ -163,10 +163,11 @@ def with_starts(
     for row, start in enumerate(starts):
         if start is not None:
             latents[row, : len(start.latents)] = start.latents
-            shares[row, : len(start.latents), 0] = 0.0 if start.kept is None else start.kept
+            if start.result_share is not None:
+                shares[row, : len(start.latents), 0] = start.result_share
     z0 = backend.to_device(latents)
     noised = schedule.alpha(time) * z0 + schedule.sigma(time) * batch.noise
-    return replace(batch, noise=noised, start=z0, kept=backend.to_device(shares))
+    return replace(batch, noise=noised, start=z0, start_share=backend.to_device(shares))
 
 
 def batches(frames: Sequence[int], most: int, mixed: bool = True) -> list[list[int]]:

@@ -49,13 +49,7 @@ from jaxtyping import Float
 from latentmotion.errors import FileFormatError, InputError, ReadingWarning
 from latentmotion.formats import numbered
 from latentmotion.formats.takes import SkeletonTake, parse_notes
-from latentmotion.kinematics.rotations import (
-    axis_angle_from_matrix,
-    matrix_from_axis_angle,
-    matrix_from_quaternion,
-    quaternion_from_matrix,
-    slerp,
-)
+from latentmotion.kinematics import rotations as rot
 from latentmotion.kinematics.skeleton import BODY, HUMANML3D, Animation, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import rotations_from
@@ -179,7 +173,7 @@ def read_arrays(path: str | Path, arrays: Mapping[str, np.ndarray]) -> Motion:
     ):
         raise FileFormatError(path, "holds NaN or infinite numbers; cut or repair them")
     axes = _Z_UP if is_z_up else np.eye(3)
-    rotations = matrix_from_axis_angle(poses[:, : 3 * _JOINTS].reshape(-1, _JOINTS, 3))
+    rotations = rot.matrix_from_axis_angle(poses[:, : 3 * _JOINTS].reshape(-1, _JOINTS, 3))
     rotations[:, 0] = axes.T @ rotations[:, 0]
     pelvis = _PELVIS_X if poses.shape[1] == 3 * _SMPLX_JOINTS else PELVIS
     joints = smpl_body(_JOINTS).forward_kinematics(rotations, (trans + pelvis) @ axes)
@@ -210,7 +204,7 @@ def motionx_take(path: str | Path, frames: Float[np.ndarray, "frames 322"]) -> S
     frames = np.asarray(frames, np.float64)
     if not len(frames) or not (np.abs(frames) < limits.MOST_NUMBER).all():
         raise FileFormatError(path, "holds no frames, or NaN or infinite numbers; cut or repair it")
-    rotations = matrix_from_axis_angle(frames[:, : 3 * _JOINTS].reshape(-1, _JOINTS, 3))
+    rotations = rot.matrix_from_axis_angle(frames[:, : 3 * _JOINTS].reshape(-1, _JOINTS, 3))
     fps = 20.0 if _AT_20 & set(Path(path).parts) else _MOTIONX_FPS
     return SkeletonTake(
         Animation(smpl_body(_JOINTS), rotations, frames[:, 309:312] + _PELVIS_X, fps)
@@ -232,7 +226,7 @@ def _parameters(
     rotations = rotations_from(smpl_body(len(names)), animation)
     rotations[:, 0] = axes @ rotations[:, 0]
     poses = np.zeros((len(rotations), joints, 3))
-    poses[:, :_JOINTS] = axis_angle_from_matrix(rotations)[:, :_JOINTS]
+    poses[:, :_JOINTS] = rot.axis_angle_from_matrix(rotations)[:, :_JOINTS]
     return poses.reshape(len(poses), -1), animation.root_positions @ axes.T - pelvis
 
 
@@ -311,8 +305,10 @@ def read(path: str | Path) -> list[SkeletonTake]:
             after = np.searchsorted(frames, whole)
             before = np.maximum(after - (frames[after] != whole), 0)
             share = (whole - frames[before]) / np.maximum(frames[after] - frames[before], 1)
-            ends = quaternion_from_matrix(rotations)
-            rotations = matrix_from_quaternion(slerp(ends[before], ends[after], share[:, None]))
+            ends = rot.quaternion_from_matrix(rotations)
+            rotations = rot.matrix_from_quaternion(
+                rot.slerp(ends[before], ends[after], share[:, None])
+            )
             if trans is not None:
                 trans = trans[before] + share[:, None] * (trans[after] - trans[before])
         root = np.zeros((len(rotations), 3)) if trans is None else trans + PELVIS
@@ -401,7 +397,7 @@ def _track(person: Mapping[str, Any], path: Path) -> PersonTrack:
     matrices = [
         array.reshape(len(array), -1, 3, 3)
         if array.ndim >= 4 and array.shape[-2:] == (3, 3)
-        else matrix_from_axis_angle(array.reshape(len(array), -1, 3))
+        else rot.matrix_from_axis_angle(array.reshape(len(array), -1, 3))
         for array in arrays
     ]
     rotations = np.concatenate(matrices, axis=1)

@@ -16,21 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import DataError, FileFormatError
-from latentmotion.kinematics.bone_names import (
-    OPTIONAL,
-    REQUIRED,
-    SIDES,
-    JointMap,
-    find_joint_map,
-    is_joint_map,
-    match_names,
-    name_maps,
-    names_of,
-    nearest,
-    plain,
-    weights_of,
-    without_namespace,
-)
+from latentmotion.kinematics import bone_names as naming
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.storage.reading import read_json_file
 
@@ -59,16 +45,16 @@ class Humanoid:
 
     def __post_init__(self) -> None:
         names = self.skeleton.names
-        missing = [name for name in REQUIRED if name not in self.joints]
+        missing = [name for name in naming.REQUIRED if name not in self.joints]
         if missing:
             mapped = set(self.joints.values())
             free = [name for joint, name in enumerate(names) if joint not in mapped]
             raise DataError(
                 f"found no {', '.join(missing)} in the rig (names of {self.names}); of its joints "
                 "without a part these come nearest: "
-                f"{nearest(free, names_of(missing, self.names))}; {_HOW_TO_MAP}"
+                f"{naming.nearest(free, naming.names_of(missing, self.names))}; {_HOW_TO_MAP}"
             )
-        for side, limb in product(SIDES, _LIMBS):
+        for side, limb in product(naming.SIDES, _LIMBS):
             chain = [f"{side}_{joint}" for joint in limb if f"{side}_{joint}" in self.joints]
             for upper, lower in pairwise(chain):
                 a, b = self.joints[upper], self.joints[lower]
@@ -93,7 +79,9 @@ class Humanoid:
             self.joints[ankle]: self.joints[ankle.replace("ankle", "knee")]
             for ankle in self.free_feet
         }
-        chains = [[f"{side}_collar", f"{side}_shoulder"] for side in SIDES] + [["neck", "head"]]
+        chains = [[f"{side}_collar", f"{side}_shoulder"] for side in naming.SIDES] + [
+            ["neck", "head"]
+        ]
         for chain in chains:
             above = self.chest
             for joint in (self.joints[name] for name in chain if name in self.joints):
@@ -106,8 +94,8 @@ class Humanoid:
     def free_feet(self) -> tuple[str, ...]:
         """Ankles that hang elsewhere than on their shank, as feet that IK moves do."""
         free, rest = [], self.skeleton.rest_joints()
-        hips = {self.joints[f"{side}_hip"] for side in SIDES}
-        for side in SIDES:
+        hips = {self.joints[f"{side}_hip"] for side in naming.SIDES}
+        for side in naming.SIDES:
             hip, knee, ankle = (self.joints[f"{side}_{name}"] for name in _LIMBS[0][:3])
             thigh, shank = (
                 float(np.linalg.norm(rest[b] - rest[a])) for a, b in ((hip, knee), (knee, ankle))
@@ -120,7 +108,7 @@ class Humanoid:
     @cached_property
     def pelvis(self) -> int:
         """The joint that carries legs and spine, and moves the whole."""
-        carried = [*(self.joints[f"{side}_hip"] for side in SIDES), self.chest]
+        carried = [*(self.joints[f"{side}_hip"] for side in naming.SIDES), self.chest]
         named = self.joints.get("pelvis")
         # Rigify's deforming pelvis does not carry its deforming thighs, others' no spine.
         if named is not None and all(named in self.lines[joint] for joint in carried):
@@ -130,19 +118,19 @@ class Humanoid:
     @cached_property
     def chest(self) -> int:
         """The joint that carries arms and neck."""
-        tops = [f"{side}_shoulder" for side in SIDES] + [
+        tops = [f"{side}_shoulder" for side in naming.SIDES] + [
             "neck" if "neck" in self.joints else "head"
         ]
         joints = [self.joints[top] for top in tops if top in self.joints]
         shared = self._common_ancestor([max(self.skeleton.parents[joint], 0) for joint in joints])
-        hips = {joint for side in SIDES for joint in self.lines[self.joints[f"{side}_hip"]]}
+        hips = {joint for side in naming.SIDES for joint in self.lines[self.joints[f"{side}_hip"]]}
         if shared not in hips:
             return shared
         # Where arms hang on what carries the legs too: of the spine, what is nearest to them.
         spine = {above for joint in joints for above in self.lines[joint][1:]} - hips
         spine -= {self.joints.get(name) for name in ("neck", "left_collar", "right_collar")}
         rest = self.skeleton.rest_joints()
-        middle = np.mean([rest[self.joints[f"{side}_shoulder"]] for side in SIDES], axis=0)
+        middle = np.mean([rest[self.joints[f"{side}_shoulder"]] for side in naming.SIDES], axis=0)
         distances = {joint: float(np.linalg.norm(rest[joint] - middle)) for joint in spine}
         return min(distances, key=distances.__getitem__, default=shared)
 
@@ -192,7 +180,7 @@ class Humanoid:
         rest = self.skeleton.rest_joints()
         left, right, foot = (rest[self.joints[n]] for n in ("left_hip", "right_hip", "left_ankle"))
         ahead = np.cross(left - right, rest[self.chest] - foot)
-        for side in SIDES:
+        for side in naming.SIDES:
             shoulder, ankle = (self.joints[f"{side}_{name}"] for name in ("shoulder", "ankle"))
             sources.setdefault(f"{side}_collar", {names[shoulder]: 0.45, chest: 0.55})
             below = self.skeleton.children(ankle)
@@ -211,7 +199,9 @@ class Humanoid:
 
 
 def find_humanoid(
-    skeleton: Skeleton, declared: Mapping[str, int] | None = None, joint_map: JointMap | None = None
+    skeleton: Skeleton,
+    declared: Mapping[str, int] | None = None,
+    joint_map: naming.JointMap | None = None,
 ) -> Humanoid:
     """Finds our joints in a skeleton: by a map, by what its file declares, else by its names.
 
@@ -227,18 +217,20 @@ def find_humanoid(
     if joint_map is not None:
         return _mapped(skeleton, joint_map)
     if declared:
-        bones = {plain(name): joint for name, joint in declared.items()}
+        bones = {naming.plain(name): joint for name, joint in declared.items()}
         joints = {
-            ours: bones[name[0]] for ours, name in name_maps()["VRM"].items() if name[0] in bones
+            ours: bones[name[0]]
+            for ours, name in naming.name_maps()["VRM"].items()
+            if name[0] in bones
         }
         return Humanoid(skeleton, _with_ends(skeleton, joints), "VRM")
-    match = match_names(skeleton.names)
-    if match.missing and (added := find_joint_map(skeleton.names)):
+    match = naming.match_names(skeleton.names)
+    if match.missing and (added := naming.find_joint_map(skeleton.names)):
         return _mapped(skeleton, added)
-    if len(match.missing) > len(REQUIRED) // 2:
+    if len(match.missing) > len(naming.REQUIRED) // 2:
         raise DataError(
             f"unknown names of joints; of the {len(skeleton)} found these look most like limbs: "
-            f"{nearest(skeleton.names)}; {_HOW_TO_MAP}"
+            f"{naming.nearest(skeleton.names)}; {_HOW_TO_MAP}"
         )
     return Humanoid(skeleton, _with_ends(skeleton, match.joints), match.convention)
 
@@ -246,7 +238,7 @@ def find_humanoid(
 def _with_ends(skeleton: Skeleton, joints: Mapping[str, int]) -> Mapping[str, int]:
     """Returns joints with wrists and ankles of other names: where forearm and shank end."""
     ends = dict(joints)
-    for side, (upper, end) in product(SIDES, (("elbow", "wrist"), ("knee", "ankle"))):
+    for side, (upper, end) in product(naming.SIDES, (("elbow", "wrist"), ("knee", "ankle"))):
         below = skeleton.children(joints.get(f"{side}_{upper}", -1))
         if f"{side}_{end}" not in joints and f"{side}_{upper}" in joints and below:
             lengths = np.linalg.norm(np.asarray(skeleton.offsets)[list(below)], axis=-1)
@@ -254,26 +246,26 @@ def _with_ends(skeleton: Skeleton, joints: Mapping[str, int]) -> Mapping[str, in
     return ends
 
 
-def _mapped(skeleton: Skeleton, joint_map: JointMap) -> Humanoid:
+def _mapped(skeleton: Skeleton, joint_map: naming.JointMap) -> Humanoid:
     """Returns the joints that a map names."""
     index = _columns(skeleton.names)
     joints = {}
     for name, source in _entries(joint_map).items():
-        weights = weights_of(source)
+        weights = naming.weights_of(source)
         main = max(weights, key=weights.__getitem__)
         joints[name] = _column(index, skeleton.names, name, main)
     return Humanoid(skeleton, joints)
 
 
-def _entries(joint_map: JointMap) -> dict[str, str | Mapping[str, float]]:
+def _entries(joint_map: naming.JointMap) -> dict[str, str | Mapping[str, float]]:
     """Returns the map without comments (keys that begin with an underscore), checked."""
     entries = {name: source for name, source in joint_map.items() if not name.startswith("_")}
-    parts = (*REQUIRED, *OPTIONAL)
+    parts = (*naming.REQUIRED, *naming.OPTIONAL)
     for name in entries:
         if name not in parts:
             raise DataError(
                 f"the joint map has {name!r}, which is none of our joints; nearest are "
-                f"{nearest(parts, [name], 3)}"
+                f"{naming.nearest(parts, [name], 3)}"
             )
     return entries
 
@@ -281,23 +273,23 @@ def _entries(joint_map: JointMap) -> dict[str, str | Mapping[str, float]]:
 def _columns(names: Sequence[str]) -> dict[str, int]:
     """Returns indices by name, with and without namespace; the first of equal names counts."""
     numbered = list(enumerate(names))[::-1]
-    columns = {without_namespace(name): column for column, name in numbered}
+    columns = {naming.without_namespace(name): column for column, name in numbered}
     return columns | {name: column for column, name in numbered}
 
 
 def _column(columns: Mapping[str, int], names: Sequence[str], ours: str, source: str) -> int:
-    column = columns.get(source, columns.get(without_namespace(source)))
+    column = columns.get(source, columns.get(naming.without_namespace(source)))
     if column is None:
         raise DataError(
             f"the joint map says {ours!r} is {source!r}, which is none of the skeleton's "
-            f"{len(names)} joints; nearest are {nearest(names, [source])}"
+            f"{len(names)} joints; nearest are {naming.nearest(names, [source])}"
         )
     return column
 
 
 def to_humanml3d(
     animation: Animation,
-    joint_map: JointMap | None = None,
+    joint_map: naming.JointMap | None = None,
     declared: Mapping[str, int] | None = None,
 ) -> Float[np.ndarray, "frames 22 3"]:
     """Returns the positions of HumanML3D's 22 joints in an animation of another skeleton.
@@ -315,15 +307,15 @@ def to_humanml3d(
     """
     skeleton, columns = animation.skeleton, _columns(animation.skeleton.names)
     entries = {} if joint_map is None else _entries(joint_map)
-    sources = {source for entry in entries.values() for source in weights_of(entry)}
+    sources = {source for entry in entries.values() for source in naming.weights_of(entry)}
     if not any(source in columns for source in sources):  # none, or of another skeleton
-        joint_map = None if declared else find_joint_map(skeleton.names)
+        joint_map = None if declared else naming.find_joint_map(skeleton.names)
         entries = dict(joint_map or {})
     if len(entries) < len(HUMANML3D):
         entries = find_humanoid(skeleton, declared, joint_map).joint_map() | entries
     weights = np.zeros((len(HUMANML3D), len(skeleton)))
     for row, name in enumerate(HUMANML3D.names):
-        for source, weight in weights_of(entries[name]).items():
+        for source, weight in naming.weights_of(entries[name]).items():
             weights[row, _column(columns, skeleton.names, name, source)] += weight
     return np.einsum("hj,fjc->fhc", weights, animation.joints(), optimize=True)
 
@@ -350,24 +342,30 @@ def fingers_below(body: Humanoid, wrist: str) -> dict[str, list[int]]:
     return fingers
 
 
-def fitting_map(joint_maps: Iterable[JointMap], names: Sequence[str]) -> JointMap | None:
+def fitting_map(
+    joint_maps: Iterable[naming.JointMap], names: Sequence[str]
+) -> naming.JointMap | None:
     """Returns the first of some joint maps of which a skeleton has a joint, if any."""
     columns = set(_columns(names))
     for joint_map in joint_maps:
-        sources = (source for entry in _entries(joint_map).values() for source in weights_of(entry))
-        if any(source in columns or without_namespace(source) in columns for source in sources):
+        sources = (
+            source for entry in _entries(joint_map).values() for source in naming.weights_of(entry)
+        )
+        if any(
+            source in columns or naming.without_namespace(source) in columns for source in sources
+        ):
             return joint_map
     return None
 
 
-def load_joint_map(path: str | Path) -> JointMap:
+def load_joint_map(path: str | Path) -> naming.JointMap:
     """Reads a joint map from a JSON file such as `{"pelvis": "Hips", "spine1": "Spine", …}`.
 
     Raises:
         FileFormatError: The file cannot be read or holds something else.
     """
     joint_map = read_json_file(path)
-    if not is_joint_map(joint_map):
+    if not naming.is_joint_map(joint_map):
         raise FileFormatError(
             path,
             'expected an object such as {"pelvis": "Hips", …}; a value is the name of a joint, '

@@ -47,15 +47,8 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import cross, quantile, unit
+from latentmotion.kinematics import rotations as rot
 from latentmotion.kinematics.bone_names import SIDES
-from latentmotion.kinematics.rotations import (
-    matrix_between,
-    matrix_from_quaternion,
-    quaternion_between,
-    quaternion_from_matrix,
-    quaternion_rotate,
-    slerp,
-)
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 
 # μ and κ.
@@ -365,12 +358,12 @@ class _Solver:
             while len(self.children[end]) == 1:
                 end, steps = self.children[end][0], steps + 1
             if end in self.branches:  # between branches, a share of the rotation to the other
-                a, b = (quaternion_from_matrix(self.world[n]) for n in (parents[joint], end))
-                before[number] = matrix_from_quaternion(slerp(a, b, 1 / (steps + 1)))
+                a, b = (rot.quaternion_from_matrix(self.world[n]) for n in (parents[joint], end))
+                before[number] = rot.matrix_from_quaternion(rot.slerp(a, b, 1 / (steps + 1)))
         children = [self.children[joint][0] for joint in swinging]
         rest = np.moveaxis(self.rest[:, children], 1, 0)[:, None, ..., None]
         bones = np.moveaxis(self.bones[:, :, children], 2, 0)
-        self.world[swinging] = matrix_between((before @ rest)[..., 0], bones) @ before
+        self.world[swinging] = rot.matrix_between((before @ rest)[..., 0], bones) @ before
 
     def _fit_feet_and_head(self) -> None:
         """Sets the rest direction of feet to how they stand, and of the head to its usual tilt.
@@ -420,7 +413,7 @@ class _Solver:
         rest = np.moveaxis(self.rest[:, middles], 1, 0)[:, None]
         bends = np.array([limb.hinge for limb in limbs], float)[:, None, None]
         rest_hinge = unit(cross(cross(rest, bends), rest))
-        swing = quaternion_rotate(quaternion_between(rest, upper), rest_hinge)
+        swing = rot.quaternion_rotate(rot.quaternion_between(rest, upper), rest_hinge)
         prior = _SWING_PRIOR * (1 + (upper * rest).sum(-1, keepdims=True)) * swing
         prior = prior + _TOE_PRIOR * cross(tip, lower)  # none without toes: tip and lower are one
         stiffness = _STIFFNESS * (self.fps / 20) ** 2

@@ -27,16 +27,8 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from latentmotion.errors import InputError, ModelError
+from latentmotion.model import config as configs
 from latentmotion.model.card import CARD_FILE, ModelCard, find_model, read_card, shipped_models
-from latentmotion.model.config import (
-    ConvolutionalVAEConfig,
-    DenoiserConfig,
-    IdentityVAEConfig,
-    PluginVAEConfig,
-    TransformerVAEConfig,
-    VAEConfig,
-    VPoserTConfig,
-)
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.convolutional import ConvolutionalVAE
 from latentmotion.networks.vae.interface import MotionVAE
@@ -276,30 +268,30 @@ def read_weights(path: Path) -> dict[str, Tensor]:
 
 
 @overload
-def build(config: DenoiserConfig) -> DenoiserNetwork: ...
+def build(config: configs.DenoiserConfig) -> DenoiserNetwork: ...
 @overload
-def build(config: VAEConfig) -> MotionVAE: ...
-def build(config: DenoiserConfig | VAEConfig) -> DenoiserNetwork | MotionVAE:
+def build(config: configs.VAEConfig) -> MotionVAE: ...
+def build(config: configs.DenoiserConfig | configs.VAEConfig) -> DenoiserNetwork | MotionVAE:
     """Builds the network of a configuration with fresh weights.
 
     Raises:
         InputError: A stack with long skips has an even number of layers.
     """
     match config:
-        case DenoiserConfig():
+        case configs.DenoiserConfig():
             if config.plugin:
                 return part_named("latentmotion.denoisers", config.plugin)(config)
             return DenoiserNetwork(config)
-        case PluginVAEConfig():
+        case configs.PluginVAEConfig():
             vae = part_named("latentmotion.vaes", config.plugin)
             return vae(features=config.features, **config.settings)
-        case TransformerVAEConfig():
+        case configs.TransformerVAEConfig():
             return TransformerVAE(config)
-        case ConvolutionalVAEConfig():
+        case configs.ConvolutionalVAEConfig():
             return ConvolutionalVAE(config)
-        case VPoserTConfig():
+        case configs.VPoserTConfig():
             return VPoserT(config)
-        case IdentityVAEConfig():
+        case configs.IdentityVAEConfig():
             return IdentityVAE(config.features)
 
 

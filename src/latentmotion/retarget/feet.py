@@ -22,12 +22,8 @@ from jaxtyping import Float
 from latentmotion.arrays import unit
 from latentmotion.cleanup import leg_ik, smoothing
 from latentmotion.cleanup.contacts import ramp
+from latentmotion.kinematics import rotations as rot
 from latentmotion.kinematics.bone_names import SIDES
-from latentmotion.kinematics.rotations import (
-    matrix_between,
-    matrix_from_axis_angle,
-    quaternion_from_matrix,
-)
 from latentmotion.measure.signals import spans
 from latentmotion.retarget.flesh import Flesh, flesh_of
 from latentmotion.retarget.rig import Rig, RigPose, Rotations, SourceCharacter
@@ -96,8 +92,8 @@ def _with_ankles(pose: RigPose, goals: Mapping[str, Points]) -> RigPose:
         hip, knee, ankle = (pose.position(f"{side}_{joint}") for joint in ("hip", "knee", "ankle"))
         new_knee, new_ankle = leg_ik.reach(hip, knee, ankle, goal, pose.world[:, body.pelvis, :, 2])
         upper, lower = body.joints[f"{side}_hip"], body.joints[f"{side}_knee"]
-        legs[upper] = matrix_between(knee - hip, new_knee - hip) @ pose.world[:, upper]
-        legs[lower] = matrix_between(ankle - knee, new_ankle - new_knee) @ pose.world[:, lower]
+        legs[upper] = rot.matrix_between(knee - hip, new_knee - hip) @ pose.world[:, upper]
+        legs[lower] = rot.matrix_between(ankle - knee, new_ankle - new_knee) @ pose.world[:, lower]
     return pose.moved(legs)
 
 
@@ -142,7 +138,7 @@ def align_foot(rig: Rig, source: SourceCharacter, side: str) -> Float[np.ndarray
     ours = rest[rig.body.joints[toe]] - rest[rig.body.joints[ankle]]
     theirs = _rest_position(source, toe) - _rest_position(source, ankle)
     angle = np.arctan2(theirs[0], theirs[2]) - np.arctan2(ours[0], ours[2])
-    return matrix_from_axis_angle(np.array([0.0, angle, 0.0]))
+    return rot.matrix_from_axis_angle(np.array([0.0, angle, 0.0]))
 
 
 def _flat_foot(pose: RigPose, source: SourceCharacter, side: str) -> dict[int, Rotations]:
@@ -166,7 +162,7 @@ def _flat_foot(pose: RigPose, source: SourceCharacter, side: str) -> dict[int, R
         lift = (source.position(toe)[:, 1] - source.standing_height("foot")) / source.leg
         pitch = np.arcsin(np.clip(-level[:, 1, 2], 0, 1)) * (1 - ramp(lift, *_TOE_HEIGHT))
         bend = -np.minimum(pitch, _MOST_TOE_BEND)[:, None] * level[:, :, 0]
-        flat = matrix_from_axis_angle(bend) @ change
+        flat = rot.matrix_from_axis_angle(bend) @ change
         rotations[body.joints[toe]] = flat @ pose.world[:, body.joints[toe]]
     return rotations
 
@@ -177,7 +173,7 @@ def _ankle_goal(pose: RigPose, source: SourceCharacter, side: str) -> Points:
     rest, scale = rig.rest(), rig.leg / source.leg
     rotation, foot = source.rotation(ankle), rig.body.joints[ankle]
     # The rotation about the vertical, held while the foot stands.
-    quaternion = quaternion_from_matrix(rotation)
+    quaternion = rot.quaternion_from_matrix(rotation)
     angle = np.unwrap(2 * np.arctan2(quaternion[:, 2], quaternion[:, 0]))
     held, fixed = angle.copy(), np.zeros(0, int)
     for start, end in spans(source.contacts(side)):
@@ -189,7 +185,7 @@ def _ankle_goal(pose: RigPose, source: SourceCharacter, side: str) -> Points:
         held[before : after + 1] = held[before] + share * (held[after] - held[before])
     if len(fixed):
         held[: fixed[0]], held[fixed[-1] :] = held[fixed[0]], held[fixed[-1]]
-    heading = matrix_from_axis_angle(held[:, None] * np.array([0.0, 1.0, 0.0]))
+    heading = rot.matrix_from_axis_angle(held[:, None] * np.array([0.0, 1.0, 0.0]))
     hips = [f"{side}_hip" for side in SIDES]
     ours = rest[rig.body.joints[hips[0]]] - rest[rig.body.joints[hips[1]]]
     theirs = _rest_position(source, hips[0]) - _rest_position(source, hips[1])

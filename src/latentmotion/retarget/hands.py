@@ -16,14 +16,9 @@ from jaxtyping import Float
 from latentmotion.arrays import unit
 from latentmotion.cleanup import contacts, leg_ik, smoothing
 from latentmotion.cleanup.pipeline import CleanUpWarning
+from latentmotion.kinematics import rotations as rot
 from latentmotion.kinematics.bone_names import BEYOND_WRIST, SIDES
 from latentmotion.kinematics.humanoid import fingers_below
-from latentmotion.kinematics.rotations import (
-    matrix_between,
-    matrix_from_quaternion,
-    quaternion_from_matrix,
-    slerp,
-)
 from latentmotion.representation.canonical import turn
 from latentmotion.retarget.flesh import Flesh, flesh_of
 from latentmotion.retarget.rig import Rig, RigPose, SourceCharacter
@@ -103,12 +98,12 @@ def _flat_on_floor(pose: RigPose, side: str, fps: float) -> RigPose:
     slope = np.clip(_THICK - place[:, 1] / length, -0.7, 0.7)[:, None]
     along = level * np.sqrt(1 - slope**2) + slope * np.array([0.0, 1.0, 0.0])
     flat = _frame(along) @ np.swapaxes(_frame(unit(rest)), -1, -2)  # palms are down at rest
-    turned = slerp(
-        quaternion_from_matrix(before),
-        quaternion_from_matrix(flat),
+    turned = rot.slerp(
+        rot.quaternion_from_matrix(before),
+        rot.quaternion_from_matrix(flat),
         contacts.ramp(need, 0, length / 4),
     )
-    change = matrix_from_quaternion(turned) @ np.swapaxes(before, -1, -2)
+    change = rot.matrix_from_quaternion(turned) @ np.swapaxes(before, -1, -2)
     below = [joint for joint in {wrist, *pose.rotations} if wrist in body.lines[joint]]
     return pose.moved({joint: change @ pose.world[:, joint] for joint in below})
 
@@ -160,8 +155,8 @@ def _bent(pose: RigPose, name: str, offset: Points) -> RigPose:
     out = elbow - (shoulder + end) / 2 + 0.1 * (shoulder - middle)
     bent, tip = leg_ik.reach(shoulder, elbow, end, end + offset, out)
     moved = np.abs(offset).max(axis=-1) > 0
-    upper = matrix_between(elbow - shoulder, bent - shoulder)
-    lower = matrix_between(end - elbow, tip - bent)
+    upper = rot.matrix_between(elbow - shoulder, bent - shoulder)
+    lower = rot.matrix_between(end - elbow, tip - bent)
     upper[~moved] = lower[~moved] = np.eye(3)
     rotations = {chain[0]: upper @ pose.world[:, chain[0]]}
     for joint in {chain[1], chain[2], *pose.rotations}:

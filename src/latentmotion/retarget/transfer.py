@@ -35,15 +35,9 @@ from latentmotion.cleanup.pipeline import ground_path
 from latentmotion.cleanup.smoothing import gaussian
 from latentmotion.errors import DataError, InputError
 from latentmotion.formats import bvh, fbx, numbered
+from latentmotion.kinematics import rotations as rot
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import Humanoid, fingers_below
-from latentmotion.kinematics.rotations import (
-    matrix_between,
-    matrix_from_axis_angle,
-    matrix_from_quaternion,
-    quaternion_from_matrix,
-    slerp,
-)
 from latentmotion.kinematics.skeleton import Animation, posed
 from latentmotion.kinematics.standing import RestPose, facing_at_rest
 from latentmotion.motion import Motion
@@ -163,7 +157,7 @@ def with_root_motion(animation: Animation, rig: Rig, root_motion: RootMotion) ->
     )
     yaw = np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))  # type: ignore[index]
     smooth = gaussian(yaw, _SWAY * animation.fps)
-    facing = matrix_from_axis_angle(smooth[:, None] * np.array([0.0, 1.0, 0.0]))
+    facing = rot.matrix_from_axis_angle(smooth[:, None] * np.array([0.0, 1.0, 0.0]))
     back, rotations = np.swapaxes(facing, -1, -2), animation.rotations.copy()
     above = rig.body.lines[bone][1:-1]  # without the root
     offset = np.sum([moved[:, joint] for joint in above], axis=0) if above else 0.0
@@ -266,14 +260,14 @@ def check_output(rig: Rig, path: Path) -> None:
 
 def _chain(source: Sequence[Rotations], joints: Sequence[int]) -> dict[int, Rotations]:
     """Distributes the rotations of one chain evenly over another with any number of joints."""
-    quaternions = [quaternion_from_matrix(rotation) for rotation in source]
+    quaternions = [rot.quaternion_from_matrix(rotation) for rotation in source]
     rotations = {}
     for number, joint in enumerate(joints, 1):
         along = number / len(joints) * (len(source) - 1)
         before = min(int(along), max(len(source) - 2, 0))
         after = min(before + 1, len(source) - 1)
-        between = slerp(quaternions[before], quaternions[after], along - before)
-        rotations[joint] = matrix_from_quaternion(between)
+        between = rot.slerp(quaternions[before], quaternions[after], along - before)
+        rotations[joint] = rot.matrix_from_quaternion(between)
     return rotations
 
 
@@ -287,7 +281,7 @@ def _limbs(source: SourceCharacter, rig: Rig) -> dict[int, Rotations]:
             for upper, lower in pairwise(names):
                 bone = rest[ours[lower]] - rest[ours[upper]]
                 target = source_rest[theirs[lower]] - source_rest[theirs[upper]]
-                align = matrix_between(align @ bone, target) @ align
+                align = rot.matrix_between(align @ bone, target) @ align
                 rotations[ours[upper]] = source.rotation(upper) @ align
             rotations[ours[names[-1]]] = source.rotation(names[-1]) @ align
             if limb[-1] == "wrist":
@@ -307,6 +301,6 @@ def _fingers(
         for (start, upper), (end, lower) in pairwise([*pairs, (-1, -1)]):
             if end >= 0:
                 bone, target = rest[lower] - rest[upper], source_rest[end] - source_rest[start]
-                turn = matrix_between(turn @ bone, target) @ turn
+                turn = rot.matrix_between(turn @ bone, target) @ turn
             rotations[upper] = source.world[:, start] @ turn
     return rotations

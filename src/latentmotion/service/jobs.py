@@ -95,7 +95,7 @@ class Jobs:
         except (LatentMotionError, OSError):
             shutil.rmtree(folder, ignore_errors=True)
             raise
-        return JobState(id=folder.name, state="queued", motions=request.motions, made=0)
+        return JobState(id=folder.name, state="queued", motions=request.motions, finished=0)
 
     def wake(self) -> None:
         """Looks for new jobs at once."""
@@ -110,14 +110,15 @@ class Jobs:
         folder = self.folder / name
         motions = self._request(folder).motions
         if _answer(folder):
-            return JobState(id=name, state="done", motions=motions, made=motions)
+            return JobState(id=name, state="done", motions=motions, finished=motions)
         finished = min(motions, TOGETHER * len(_parts(folder)))
+        state, error = "failed", None
         if (folder / "error").is_file():
             error = (folder / "error").read_text(encoding="utf-8")
-            return JobState(id=name, state="failed", motions=motions, made=finished, error=error)
-        with _job_lock(folder) as free:
-            state = "queued" if free else "running"
-        return JobState(id=name, state=state, motions=motions, made=finished)
+        else:
+            with _job_lock(folder) as free:
+                state = "queued" if free else "running"
+        return JobState(id=name, state=state, motions=motions, finished=finished, error=error)
 
     def answer(self, name: str) -> Path:
         """Returns the file of a job that is done.
@@ -128,7 +129,7 @@ class Jobs:
         state = self.state(name)
         answer = _answer(self.folder / name)
         if answer is None:
-            why = state.error or f"{state.made} of {state.motions} motions are there"
+            why = state.error or f"{state.finished} of {state.motions} motions are there"
             raise Problem(409, f"the job is {state.state}: {why}", 2.0)
         return answer
 

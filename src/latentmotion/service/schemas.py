@@ -259,7 +259,7 @@ class JobState(AnswerModel):
     """Progress of the job."""
     motions: int
     """Number of requested motions."""
-    made: int
+    finished: int
     """Number of generated motions."""
     error: str | None = None
     """Reason of a failure."""

@@ -131,7 +131,7 @@ class StoredTake:
     """A motion of the library with its recipe, edits and marks."""
 
     id: str  # Its name in the library.
-    made: str  # When it was made, ISO 8601.
+    created: str  # When it was made, ISO 8601.
     title: str  # What the list shows.
     recipe: Mapping[str, Any]  # What makes it again, or `imported` with the name of a file.
     motion: str  # SHA-256 of the file of its motion.
@@ -151,7 +151,8 @@ class StoredTake:
         frames, fps = self.edits.length(self.stored_frames, self.stored_fps)
         lengths = {"frames": frames, "fps": fps, "seconds": frames / fps}
         stored = {"stored_seconds": self.stored_frames / self.stored_fps}
-        return {**vars(self), **lengths, **stored, "edits": asdict(self.edits)}
+        about = {**vars(self), **lengths, **stored, "edits": asdict(self.edits)}
+        return {**about, "made": about.pop("created")}
 
     def words(self) -> str:
         """Returns the text in which the search looks."""
@@ -291,7 +292,7 @@ class Library:
         original = self.take(name)
         title = f"{original.title[: MOST_TITLE - 7]} (copy)"
         take = replace(
-            original, id=uuid4().hex, made=_now(), title=title, star=False, deleted=False
+            original, id=uuid4().hex, created=_now(), title=title, star=False, deleted=False
         )
         self._insert([take])
         return take
@@ -597,7 +598,7 @@ def _parsed(text: str, kind: type[P]) -> P:
 
 def _row(take: StoredTake) -> tuple[Any, ...]:
     return (
-        *(take.id, take.made, take.title, json.dumps(take.recipe), take.motion),
+        *(take.id, take.created, take.title, json.dumps(take.recipe), take.motion),
         *(take.stored_frames, take.stored_fps, json.dumps(take.tags)),
         *(int(take.star), int(take.deleted), json.dumps(asdict(take.edits))),
         *(json.dumps(take.goals) if take.goals else None, take.words()),

@@ -23,15 +23,7 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.export.package import OF_DENOISER, check_latents, figures_of, scale_of
 from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.config import VAEConfig
-from latentmotion.networks.checkpoint import (
-    WEIGHTS_FILE,
-    FirstStageModel,
-    LatentModel,
-    build,
-    load_model,
-    load_stages,
-    save_model,
-)
+from latentmotion.networks import checkpoint
 from latentmotion.networks.vae.interface import MotionVAE, copy_encoder, encoder_state
 from latentmotion.representation.interface import Scale
 from latentmotion.storage.files import sha256
@@ -65,7 +57,7 @@ class DenoisedStage(VAEStage):
         dataset: Dataset,
         experiment: Experiment,
         context: DistributedContext,
-        model: LatentModel,
+        model: checkpoint.LatentModel,
         encoder: TextEncoder | None,
         latest: float,
     ) -> None:
@@ -121,15 +113,15 @@ def train_decoder(
     if not 0 <= denoised < 1:
         raise InputError(f"latents noised to time {denoised}: expected 0 (not noised) to below 1")
     dataset, training = Dataset.load(data), experiment.vae_training
-    trained = load_stages(model)
+    trained = checkpoint.load_stages(model)
     check_data(trained.card, dataset)
     torch.manual_seed(training.seed)
     vae = vae_with_latents_of(trained, experiment.vae)
-    parents = {"model": sha256(model / WEIGHTS_FILE), "denoised": str(denoised)}
+    parents = {"model": sha256(model / checkpoint.WEIGHTS_FILE), "denoised": str(denoised)}
     open_run(folder, Run("decoder", dataset.fingerprint, parents, experiment), context)
     parts = vae, dataset, experiment, context
     stage = (
-        DenoisedStage(*parts, load_model(model), encoder, denoised)
+        DenoisedStage(*parts, checkpoint.load_model(model), encoder, denoised)
         if denoised
         else VAEStage(*parts)
     )
@@ -147,7 +139,7 @@ def train_decoder(
         )
         with_new_decoder = replace(trained, card=card, vae=vae)
         check_latents(trained, with_new_decoder)
-        save_model(folder / MODEL, with_new_decoder)
+        checkpoint.save_model(folder / MODEL, with_new_decoder)
     return folder / MODEL
 
 
@@ -169,7 +161,7 @@ def light_decoder_config(model: Path) -> VAEConfig:
     return config
 
 
-def vae_with_latents_of(trained: FirstStageModel, config: VAEConfig) -> MotionVAE:
+def vae_with_latents_of(trained: checkpoint.FirstStageModel, config: VAEConfig) -> MotionVAE:
     """Builds a VAE with a model's encoder, frozen.
 
     Raises:
@@ -178,7 +170,7 @@ def vae_with_latents_of(trained: FirstStageModel, config: VAEConfig) -> MotionVA
     """
     if not trained.card.vae.has_weights:
         raise ModelError(f"model {trained.card.name!r} has no VAE: run latentmotion train vae")
-    vae = build(config)
+    vae = checkpoint.build(config)
     actual, expected = _sizes(vae), _sizes(trained.vae)
     if actual != expected:
         raise _another_encoder(trained.card, *islice(differing_keys(expected, actual), 3))
