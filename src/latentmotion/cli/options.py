@@ -27,25 +27,24 @@ if TYPE_CHECKING:
 # Help text of one file of motions to read.
 MOTION_FILE = f"Motion file: {' '.join(formats.READABLE)}."
 
-Output = Annotated[Path, arg(aliases=["-o"])]
-"""File or folder to write; the verb says which."""
+Output = Annotated[Path, arg(aliases=["-o"])]  # File or folder to write; the verb says which.
 
+# The same for verbs that can do without.
 OptionalOutput = Annotated[Path | None, arg(aliases=["-o"])]
-"""The same for verbs that can do without."""
 
+# Several files to write; the verb says in which formats.
 Outputs = Annotated[tuple[Path, ...], arg(aliases=["-o"])]
-"""Several files to write; the verb says in which formats."""
 
 PreparedOutput = Annotated[Path, arg(aliases=["-o"], help="Prepared folder to write.")]
 
+# Folder to read; the verb documents its content.
 Folder = Annotated[Positional[Path], arg(metavar="FOLDER")]
-"""Folder to read; the verb documents its content."""
 
+# File to read; the verb documents its content.
 File = Annotated[Positional[Path], arg(metavar="FILE")]
-"""File to read; the verb documents its content."""
 
+# Several files to read; the verb documents their content.
 Files = Annotated[Positional[tuple[Path, ...]], arg(metavar="FILES")]
-"""Several files to read; the verb documents their content."""
 
 Model = Annotated[
     Positional[str], arg(metavar="MODEL", help="Name, run folder or model folder of a model.")
@@ -53,8 +52,8 @@ Model = Annotated[
 
 _PREPARED = "Prepared folder, which `latentmotion data prepare` writes."
 Data = Annotated[Path, arg(aliases=["-d"], help=_PREPARED)]
+# Prepared folder, for verbs that can do without.
 OptionalData = Annotated[Path | None, arg(aliases=["-d"])]
-"""Prepared folder, for verbs that can do without."""
 
 Evaluator = Annotated[
     Path | None,
@@ -75,11 +74,10 @@ ProtocolChoice = Annotated[
 Device = Annotated[
     str, arg(help="Where PyTorch computes: auto (a GPU if there is one), cpu, cuda or cuda:N.")
 ]
-AUTO = "auto"
-"""The default of every `--device`."""
+AUTO = "auto"  # The default of every `--device`.
 
+# Engine of the networks; `auto` takes graphs if a folder has them, else PyTorch.
 Runtime = Literal["auto", "onnxruntime", "openvino", "pytorch"]
-"""Engine of the networks; `auto` takes graphs if a folder has them, else PyTorch."""
 
 RuntimeChoice = Annotated[
     Runtime,
@@ -110,8 +108,7 @@ _ENCODERS = (
 TextEncoderName = Annotated[
     str, arg(help=f"Text encoder, for models that read sentences: {_ENCODERS}.")
 ]
-TEXT_ENCODER = "starter"
-"""The text encoder that training takes by default."""
+TEXT_ENCODER = "starter"  # The text encoder that training takes by default.
 
 OptionalTextEncoder = Annotated[
     str | None, arg(help=f"Text encoder in place of the model's own: {_ENCODERS}.")
@@ -125,11 +122,10 @@ Body = Annotated[
     ),
 ]
 
-Goals = UseAppendAction[tuple[str, ...]]
-"""Goals of one kind, an option for each."""
+Goals = UseAppendAction[tuple[str, ...]]  # Goals of one kind, an option for each.
 
+# Settings by `--set part.key=value`; the verb gives an example.
 Changes = UseAppendAction[tuple[str, ...]]
-"""Settings by `--set part.key=value`; the verb gives an example."""
 
 
 @dataclass(frozen=True, kw_only=True)

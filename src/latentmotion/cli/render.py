@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated
 
 from tyro.conf import arg
@@ -26,7 +25,7 @@ from latentmotion.viewer import page
 _VIDEOS, _PICTURES, _PAGES = (".mp4", ".gif"), (".png",), (".html",)
 
 # Figures of pictures, by name.
-_DRAWN: Mapping[str, Figure] = MappingProxyType({"mannequin": mannequin_of, "stick": sticks_of})
+_DRAWN: Mapping[str, Figure] = {"mannequin": mannequin_of, "stick": sticks_of}
 
 # Options of some files alone, by their endings.
 _USED_BY = {

@@ -49,11 +49,10 @@ Preset = Annotated[
         "settings. The defaults below are those of the preset."
     ),
 ]
-PRESET = "starter"
-"""The preset that training starts from by default."""
+PRESET = "starter"  # The preset that training starts from by default.
 
+# Settings of the optimization, each an option of its own: `--steps`, `--learning-rate` …
 Training = OmitArgPrefixes[TrainingSettings]
-"""Settings of the optimization, each an option of its own: `--steps`, `--learning-rate` …"""
 
 RunFolder = Annotated[
     Path, arg(aliases=["-o"], help="Run folder to write; an existing run is resumed.")

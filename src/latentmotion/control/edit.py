@@ -15,7 +15,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -515,18 +514,16 @@ def _of(joints: Sequence[str], *sides: str) -> tuple[str, ...]:
 
 
 # The parts that can be generated alone.
-PARTS: Mapping[str, BodyPart] = MappingProxyType(
-    {
-        "left_arm": BodyPart(_of(_ARM, "left"), _CHEST),
-        "left_leg": BodyPart(_of(_LEG, "left"), _HIPS),
-        "right_arm": BodyPart(_of(_ARM, "right"), _CHEST),
-        "right_leg": BodyPart(_of(_LEG, "right"), _HIPS),
-        "arms": BodyPart(_of(_ARM, *SIDES), _CHEST),
-        "legs": BodyPart(_of(_LEG, *SIDES), _HIPS),
-        "head": BodyPart(("head",), _CHEST),
-        "upper_body": BodyPart((*_TRUNK, *_of(("shoulder", *_ARM), *SIDES)), _HIPS),
-    }
-)
+PARTS: Mapping[str, BodyPart] = {
+    "left_arm": BodyPart(_of(_ARM, "left"), _CHEST),
+    "left_leg": BodyPart(_of(_LEG, "left"), _HIPS),
+    "right_arm": BodyPart(_of(_ARM, "right"), _CHEST),
+    "right_leg": BodyPart(_of(_LEG, "right"), _HIPS),
+    "arms": BodyPart(_of(_ARM, *SIDES), _CHEST),
+    "legs": BodyPart(_of(_LEG, *SIDES), _HIPS),
+    "head": BodyPart(("head",), _CHEST),
+    "upper_body": BodyPart((*_TRUNK, *_of(("shoulder", *_ARM), *SIDES)), _HIPS),
+}
 
 
 def parts_named(names: Sequence[str], skeleton: Skeleton) -> list[BodyPart]:

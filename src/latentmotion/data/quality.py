@@ -28,17 +28,13 @@ MARGIN = 2  # Frames on either side of a glitch that are cut out with it.
 
 # Frames of a BVH file after the T-pose that may be drawn towards it, at the native rate.
 BLENDED = 6
+# Largest mean rotation of the joints in a T-pose, degrees. In the conversions of CMU it is 1.1 to
+# 2.8; the motions themselves begin at 7 to 32.
 REST = 4.0
-"""Largest mean rotation of the joints in a T-pose, degrees.
-
-In the conversions of CMU it is 1.1 to 2.8; the motions themselves begin at 7 to 32.
-"""
+# Rotation of the frame after the T-pose, as a fraction of that when the blend is over, below which
+# there is a blend. 0.3 to 0.65 in the Daz-friendly conversion, which blends, and 0.99 in the other,
+# which does not.
 BLENDS = 0.8
-"""Rotation of the frame after the T-pose, as a fraction of that when the blend is over, below
-which there is a blend.
-
-0.3 to 0.65 in the Daz-friendly conversion, which blends, and 0.99 in the other, which does not.
-"""
 
 HELD = 8  # Frames of a calibration pose in the middle of a take; arms pass through it faster.
 EDGE = 5  # Frames from the start or end of a take within which it may be shorter.

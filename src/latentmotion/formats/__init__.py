@@ -12,7 +12,6 @@ import tomllib
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 from latentmotion.errors import DataError, InputError, ReadingWarning
@@ -32,16 +31,14 @@ _FORMATS = tomllib.loads(Path(__file__).with_name("formats.toml").read_text(enco
 
 def _functions(verb: str) -> Mapping[str, str]:
     rows = ((name, row[verb]) for name, row in _FORMATS.items() if verb in row)
-    return MappingProxyType({f".{name}": f"latentmotion.{function}" for name, function in rows})
+    return {f".{name}": f"latentmotion.{function}" for name, function in rows}
 
 
 # Each ending of ours that can be written, and that can be read, with its `module:function`.
 ENDINGS, READABLE = _functions("write"), _functions("read")
 
 # Each format of ours that services answer with, and its media type.
-MEDIA_TYPES: Mapping[str, str] = MappingProxyType(
-    {name: row["media"] for name, row in _FORMATS.items() if "media" in row}
-)
+MEDIA_TYPES = {name: row["media"] for name, row in _FORMATS.items() if "media" in row}
 
 
 _MARKERS = (

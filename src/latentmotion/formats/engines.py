@@ -24,7 +24,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -70,7 +69,7 @@ def engines() -> Mapping[str, Engine]:
     """Returns the presets by name: engines, and data sets."""
     text = Path(__file__).with_name("engines.toml").read_text(encoding="utf-8")
     rows = tomllib.loads(text).items()
-    return MappingProxyType({name: configuration.from_json(Engine, row) for name, row in rows})
+    return {name: configuration.from_json(Engine, row) for name, row in rows}
 
 
 def for_engine(motion: Motion, name: EngineName) -> Motion:

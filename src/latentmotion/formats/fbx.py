@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -32,28 +32,6 @@ _MOST_SECONDS = 600
 # Meters by which bones miss the next joint. Blender's importers of FBX connect bones that meet, by
 # 0.1 mm or less, and connected bones keep one length in all takes, whatever the file says.
 _MISS = 3e-4
-
-# Usual paths of Blender's program, by system; of several versions the last is taken.
-_PLACES: Mapping[str, tuple[str, ...]] = {
-    "win32": (
-        r"C:\Program Files\Blender Foundation\Blender *\blender.exe",
-        r"C:\Program Files (x86)\Steam\steamapps\common\Blender\blender.exe",
-    ),
-    "darwin": (
-        "/Applications/Blender*.app/Contents/MacOS/Blender",
-        "~/Applications/Blender*.app/Contents/MacOS/Blender",
-    ),
-    "linux": (
-        "/usr/local/bin/blender",
-        "/snap/bin/blender",
-        "/opt/blender*/blender",
-        "~/blender*/blender",
-        "~/Downloads/blender*/blender",
-        "/var/lib/flatpak/exports/bin/org.blender.Blender",
-        "~/.local/share/flatpak/exports/bin/org.blender.Blender",
-        "~/.local/share/Steam/steamapps/common/Blender/blender",
-    ),
-}
 
 
 def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
@@ -177,7 +155,8 @@ def find_blender() -> Path:
     on_path = shutil.which("blender")
     if on_path is not None:
         return Path(on_path)
-    patterns = _PLACES.get(sys.platform, _PLACES["linux"])
+    places = reading.packaged_toml(__file__, "blender.toml")
+    patterns = places.get(sys.platform, places["linux"])
     for pattern in map(Path, patterns):
         pattern = pattern.expanduser()
         paths = Path(pattern.anchor).glob(str(pattern.relative_to(pattern.anchor)))

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from latentmotion.errors import DataError
@@ -85,7 +84,7 @@ NameMap = Mapping[str, tuple[str, ...]]
 SIDES = ("left", "right")
 
 # Meters from the wrist to the middle of the palm and to the tip of the middle finger.
-BEYOND_WRIST: Mapping[str, float] = MappingProxyType({"hand": 0.09, "fingertips": 0.18})
+BEYOND_WRIST: Mapping[str, float] = {"hand": 0.09, "fingertips": 0.18}
 
 # Joints that every rig must have on both sides.
 LIMB_JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
@@ -130,7 +129,7 @@ def joint_maps() -> Mapping[str, JointMap]:
                 weights = weights_of(entries[joint]).items()
                 joints[f"{side}_{joint}"] = {s.replace("@", mark): w for s, w in weights}
         maps[name] = joints
-    return MappingProxyType(maps)
+    return maps
 
 
 @cache
@@ -151,7 +150,7 @@ def name_maps() -> Mapping[str, NameMap]:
             marked = side.replace("@", mark).split()
             words |= dict(zip((f"{whole}_{p}" for p in _SIDE_PARTS), marked, strict=True))
         maps[name] = {joint: tuple(spelled.split("/")) for joint, spelled in words.items()}
-    return MappingProxyType(maps)
+    return maps
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from latentmotion.errors import InputError, hint
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.storage.limits import FARTHEST, LEAST_FPS, MOST_FPS, MOST_FRAMES
+from latentmotion.storage.reading import packaged_toml
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -33,33 +34,10 @@ def _names(text: str) -> tuple[str, ...]:
     return tuple(names)
 
 
-_LIMBS = "@_shoulder @_elbow @_wrist @_hip @_knee @_ankle"
-_COCO = f"nose @_eye @_ear {_LIMBS}"
-_HALPE = f"{_COCO} head_top mid_shoulder mid_hip @_big_toe @_small_toe @_heel"
-_HANDS = "left_hand*21 right_hand*21"
-_ARMS = "right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist"
-_LEGS = "right_hip right_knee right_ankle left_hip left_knee left_ankle"
-_HEAD = "right_eye left_eye right_ear left_ear"
-_FEET = "left_big_toe left_small_toe left_heel right_big_toe right_small_toe right_heel"
-
-# Names of the keypoints of each layout, in order. OpenPose's Neck is `mid_shoulder`.
+# Names of the keypoints of each layout, in order.
 LAYOUTS: Mapping[str, tuple[str, ...]] = {
     "humanml3d": HUMANML3D.names,
-    "coco_17": _names(_COCO),
-    "h36m": _names(
-        f"mid_hip {_LEGS} mid_spine mid_shoulder nose head_top left_shoulder left_elbow left_wrist "
-        "right_shoulder right_elbow right_wrist"
-    ),
-    "coco_18": _names(f"nose mid_shoulder {_ARMS} {_LEGS} {_HEAD}"),
-    "body_25": _names(f"nose mid_shoulder {_ARMS} mid_hip {_LEGS} {_HEAD} {_FEET}"),
-    "halpe_26": _names(_HALPE),
-    "halpe_136": _names(f"{_HALPE} face*68 {_HANDS}"),
-    "coco_133": _names(f"{_COCO} {_FEET} face*68 {_HANDS}"),
-    "mediapipe_33": _names(
-        "nose left_eye_inner left_eye left_eye_outer right_eye_inner right_eye right_eye_outer "
-        "@_ear mouth_@ @_shoulder @_elbow @_wrist @_pinky @_index @_thumb @_hip @_knee @_ankle "
-        "@_heel @_foot_index"
-    ),
+    **{name: _names(text) for name, text in packaged_toml(__file__, "keypoints.toml").items()},
 }
 
 # Keypoints that say too little about joints to be read.

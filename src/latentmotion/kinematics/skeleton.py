@@ -180,8 +180,8 @@ _HUMANML3D, _HANDS, _KIT = (
     _shipped("kit", "heel", (-1, 1, 1)),
 )
 
+# The 22 body joints of SMPL as HumanML3D orders them, with its canonical bone lengths.
 HUMANML3D = _HUMANML3D[0]
-"""The 22 body joints of SMPL as HumanML3D orders them, with its canonical bone lengths."""
 
 HANDS = _HANDS[0]  # HumanML3D's body with the 30 finger joints of SMPL-H.
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float
@@ -29,17 +28,15 @@ from latentmotion.kinematics.inverse_kinematics import solve
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, check_fps
 
 # Units of length by name; `cmu` is Acclaim's unit, 5.644 cm, that conversions of CMU's keep.
-METERS_PER_UNIT: Mapping[str, float] = MappingProxyType(
-    {
-        "meters": 1.0,
-        "centimeters": 0.01,
-        "millimeters": 0.001,
-        "inches": 0.0254,
-        "feet": 0.3048,
-        "decimeters": 0.1,
-        "cmu": 0.0254 / 0.45,
-    }
-)
+METERS_PER_UNIT: Mapping[str, float] = {
+    "meters": 1.0,
+    "centimeters": 0.01,
+    "millimeters": 0.001,
+    "inches": 0.0254,
+    "feet": 0.3048,
+    "decimeters": 0.1,
+    "cmu": 0.0254 / 0.45,
+}
 
 # Lengths of a person's thigh and shank, meters.
 _LEG = (0.5, 1.3)
@@ -57,16 +54,14 @@ _OWN_LEG = (0.3, 1.5)
 _STATED_LEG = (0.15, 4.0)
 
 # Axis that points up in a file → the axes of an upright figure in the file's, in the columns.
-AXES: Mapping[str, Float[np.ndarray, "3 3"]] = MappingProxyType(
-    {
-        "y": np.eye(3),
-        "z": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
-        "-y": np.diag([1.0, -1, -1]),
-        "-z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
-        "x": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
-        "-x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
-    }
-)
+AXES: Mapping[str, Float[np.ndarray, "3 3"]] = {
+    "y": np.eye(3),
+    "z": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "-y": np.diag([1.0, -1, -1]),
+    "-z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+    "x": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
+    "-x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+}
 
 # Cosine between the line from feet to head and an axis, from which a body stands along it.
 _UPRIGHT = 0.5

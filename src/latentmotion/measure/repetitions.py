@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float
@@ -106,45 +105,41 @@ def _hand(signals: Signals, side: str) -> Curve:
 
 
 # Acts whose repetitions can be counted, and what finds them.
-COUNTED: Mapping[str, Callable[[Signals], list[Event]]] = MappingProxyType(
-    {
-        "jump": lambda signals: jumps(_airborne(signals)),
-        "hop": lambda signals: [event for event in _airborne(signals) if event.kind == "hop"],
-        "kick": limbs.kicks_of,
-        "knee": lambda signals: limbs.knees_of(signals, limbs.kicks_of(signals)),
-        "step": lambda signals: [Event("step", *frames) for frames in limbs.strides_of(signals)],
-        "punch": limbs.punches_of,
-        "clap": limbs.single_claps_of,
-        "raise": limbs.raises_of,
-        "squat": lambda signals: [event for event in _dips(signals)[0] if event.kind == "squat"],
-        "bow": lambda signals: bends(*_dips(signals)),
-        "jack": lambda signals: [
-            event for event in whole_body.poses_of(signals) if event.kind == "jack"
-        ],
-    }
-)
+COUNTED: Mapping[str, Callable[[Signals], list[Event]]] = {
+    "jump": lambda signals: jumps(_airborne(signals)),
+    "hop": lambda signals: [event for event in _airborne(signals) if event.kind == "hop"],
+    "kick": limbs.kicks_of,
+    "knee": lambda signals: limbs.knees_of(signals, limbs.kicks_of(signals)),
+    "step": lambda signals: [Event("step", *frames) for frames in limbs.strides_of(signals)],
+    "punch": limbs.punches_of,
+    "clap": limbs.single_claps_of,
+    "raise": limbs.raises_of,
+    "squat": lambda signals: [event for event in _dips(signals)[0] if event.kind == "squat"],
+    "bow": lambda signals: bends(*_dips(signals)),
+    "jack": lambda signals: [
+        event for event in whole_body.poses_of(signals) if event.kind == "jack"
+    ],
+}
 
 # Signal that swings once with each repetition, for each side of a limb or for "".
-_CURVES: Mapping[str, Callable[[Signals, str], dict[str, Curve]]] = MappingProxyType(
-    {
-        **dict.fromkeys(("jump", "hop"), lambda signals, _: {"": signals.joints[:, 0, 1]}),
-        **{
-            act: lambda signals, side, joint=joint: _of_sides(
-                side, lambda one: signals.of(f"{one}_{joint}")[:, 1]
-            )
-            for act, joint in (("kick", "ankle"), ("knee", "knee"))
-        },
-        "step": lambda signals, _: {},
-        "punch": lambda signals, side: _of_sides(
-            side,
-            lambda one: np.linalg.norm(
-                signals.of(f"{one}_wrist") - signals.of(f"{one}_shoulder"), axis=1
-            ),
+_CURVES: Mapping[str, Callable[[Signals, str], dict[str, Curve]]] = {
+    **dict.fromkeys(("jump", "hop"), lambda signals, _: {"": signals.joints[:, 0, 1]}),
+    **{
+        act: lambda signals, side, joint=joint: _of_sides(
+            side, lambda one: signals.of(f"{one}_{joint}")[:, 1]
+        )
+        for act, joint in (("kick", "ankle"), ("knee", "knee"))
+    },
+    "step": lambda signals, _: {},
+    "punch": lambda signals, side: _of_sides(
+        side,
+        lambda one: np.linalg.norm(
+            signals.of(f"{one}_wrist") - signals.of(f"{one}_shoulder"), axis=1
         ),
-        "raise": lambda signals, side: _of_sides(side, lambda one: _hand(signals, one)),
-        "clap": lambda signals, _: {"": -limbs.hands_apart(signals)},
-        "squat": lambda signals, _: {"": -signals.joints[:, 0, 1]},
-        "bow": lambda signals, _: {"": signals.lean},
-        "jack": lambda signals, _: {"": np.minimum(*(_hand(signals, side) for side in SIDES))},
-    }
-)
+    ),
+    "raise": lambda signals, side: _of_sides(side, lambda one: _hand(signals, one)),
+    "clap": lambda signals, _: {"": -limbs.hands_apart(signals)},
+    "squat": lambda signals, _: {"": -signals.joints[:, 0, 1]},
+    "bow": lambda signals, _: {"": signals.lean},
+    "jack": lambda signals, _: {"": np.minimum(*(_hand(signals, side) for side in SIDES))},
+}

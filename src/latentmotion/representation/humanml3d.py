@@ -17,7 +17,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import pi
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -51,7 +50,7 @@ class HumanML3DRepresentation(Representation):
         widths |= {"velocities": 3 * joints, "contacts": 4}
         ends = np.cumsum(list(widths.values())).tolist()
         pairs = zip(widths.items(), ends, strict=True)
-        return MappingProxyType({name: slice(end - width, end) for (name, width), end in pairs})
+        return {name: slice(end - width, end) for (name, width), end in pairs}
 
     def retarget(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
         """Gives a body of any size the canonical bone lengths and scales its path likewise."""

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -51,8 +50,7 @@ class SmplRepresentation(Representation):
     @property
     def blocks(self) -> Mapping[str, slice]:
         """One block per channel of the tokens."""
-        every = {name: slice(i * TOKENS, (i + 1) * TOKENS) for i, name in enumerate(_CHANNELS)}
-        return MappingProxyType(every)
+        return {name: slice(i * TOKENS, (i + 1) * TOKENS) for i, name in enumerate(_CHANNELS)}
 
     def retarget(self, joints: Float[Any, "frames _ 3"]) -> Float[Any, "frames joints 3"]:
         """Retargets another body to the skeleton; its path is scaled by the ratio of the legs.

@@ -13,7 +13,6 @@ from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from importlib import resources
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request
@@ -66,16 +65,14 @@ POLICY = (
 
 
 # Kinds of files that pages may name, by their endings.
-ASSETS: Mapping[str, str] = MappingProxyType(
-    {
-        ".css": "text/css",
-        ".html": "text/html",
-        ".js": "text/javascript",
-        ".svg": "image/svg+xml",
-        ".woff2": "font/woff2",
-        ".txt": "text/plain",
-    }
-)
+ASSETS: Mapping[str, str] = {
+    ".css": "text/css",
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+    ".woff2": "font/woff2",
+    ".txt": "text/plain",
+}
 
 
 def create_app(

@@ -35,11 +35,9 @@ from latentmotion.service.problems import Problem
 # Key and payloads of a batch to a result, or an exception, for each.
 Run = Callable[[Hashable, Sequence[Any]], Sequence[Any]]
 
+# Niceness of model threads and file workers: above the service's, so that its event loop is first.
+# Only root may set a niceness below the one that a service was started with.
 NICE = 5 + (os.getpriority(os.PRIO_PROCESS, 0) if sys.platform != "win32" else 0)
-"""Niceness of model threads and file workers: above the service's, so that its event loop is first.
-
-Only root may set a niceness below the one that a service was started with.
-"""
 
 
 # Client whose request is being handled; empty where clients are not told apart.

@@ -19,34 +19,29 @@ from latentmotion.pipeline import RawMotion
 from latentmotion.service.batching import BatchSettings, Prompt
 from latentmotion.storage import configuration, limits
 
-MOST_CHARACTERS = 500
-"""Longest prompt, characters."""
+MOST_CHARACTERS = 500  # Longest prompt, characters.
 
-MOST_MOTIONS = 256
-"""Most motions of a batch or a job."""
+MOST_MOTIONS = 256  # Most motions of a batch or a job.
 
-MOST_FIELDS = 32
-"""Most fields of a JSON object."""
+MOST_FIELDS = 32  # Most fields of a JSON object.
 
-MOST_STEPS = 1000
-"""Most sampling steps: those of the noise schedule."""
+MOST_STEPS = 1000  # Most sampling steps: those of the noise schedule.
 
 # fmt: off
+# Formats in which motions can be written.
 FileFormat = Literal[
     "json", "npz", "amass.npz", "csv", "bvh", "glb", "vrma", "fbx", "usda", "usdc", "usdz",
     "html", "png", "gif", "mp4",
 ]
 # fmt: on
-"""Formats in which motions can be written."""
 
+# `raw` is float32, little-endian: frames × joints × 3; `viewer` is what the page reads.
 Format = Literal[FileFormat, "raw", "viewer"]
-"""`raw` is float32, little-endian: frames × joints × 3; `viewer` is what the page reads."""
 
+# Formats of uploaded motions.
 Readable = Literal["npz", "npy", "csv", "bvh", "glb", "gltf", "usda", "usdc", "usdz"]
-"""Formats of uploaded motions."""
 
-Character = Literal["glb", "gltf", "bvh"]
-"""Formats of uploaded characters."""
+Character = Literal["glb", "gltf", "bvh"]  # Formats of uploaded characters.
 
 Text = Annotated[str, Field(max_length=MOST_CHARACTERS, description="What the person does.")]
 Seed = Annotated[

@@ -17,17 +17,13 @@ from latentmotion.service import schemas as service
 from latentmotion.storage.limits import MOST_GOALS
 from latentmotion.studio.library import ID, MOST_TITLE
 
-CHARACTER_FORMATS = ["glb", "bvh"]
-"""Formats of takes on a character."""
+CHARACTER_FORMATS = ["glb", "bvh"]  # Formats of takes on a character.
 
-MOST_TAKES = 16
-"""Takes of a recipe that are made at once."""
+MOST_TAKES = 16  # Takes of a recipe that are made at once.
 
-MOST_BEST_OF = 32
-"""Motions of which the best becomes a take."""
+MOST_BEST_OF = 32  # Motions of which the best becomes a take.
 
-MOST_EXPORTED = 500
-"""Most takes of one archive."""
+MOST_EXPORTED = 500  # Most takes of one archive.
 
 
 @dataclass(frozen=True)
@@ -55,6 +51,7 @@ class _Matching:
 
 
 Id = Annotated[str, _Matching(ID, "the name of a take or character, 26 to 32 letters and digits")]
+# Name of a project, which is that of its file.
 ProjectName = Annotated[
     str,
     _Matching(
@@ -62,11 +59,10 @@ ProjectName = Annotated[
         "a name of letters, digits, spaces, - and _, at most 80 of them, no / or .",
     ),
 ]
-"""Name of a project, which is that of its file."""
+# Name of a file as its user calls it; it is shown and never opened.
 FileName = Annotated[
     str, _Matching(r"[^\x00-\x1f\x7f/\\]{1,200}", "the name of a file without folders")
 ]
-"""Name of a file as its user calls it; it is shown and never opened."""
 Title = Annotated[
     str, _Matching(rf"[^\x00-\x1f\x7f]{{1,{MOST_TITLE}}}", f"1 to {MOST_TITLE} letters in a line")
 ]
@@ -77,8 +73,8 @@ Tag = Annotated[
         "1 to 50 letters in a line, no spaces around them",
     ),
 ]
+# Name of a model in the list of models; no folder is opened by it.
 ModelName = Annotated[str, Field(min_length=1, max_length=500)]
-"""Name of a model in the list of models; no folder is opened by it."""
 Span = tuple[Annotated[service.Number, Field(ge=0)], Annotated[service.Number, Field(gt=0)]]
 
 

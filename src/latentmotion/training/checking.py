@@ -5,7 +5,7 @@ An act of one side is only that side's: a motion that raises both hands does not
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -19,6 +19,8 @@ from latentmotion.measure.repetitions import bends, jumps
 from latentmotion.measure.scene import Measured, describe, in_place, lasting, meters, swings
 from latentmotion.measure.signals import peaks
 from latentmotion.measure.whole_body import stillness, stooped
+from latentmotion.storage.configuration import from_json
+from latentmotion.storage.reading import packaged_toml
 
 
 @dataclass(frozen=True)
@@ -120,82 +122,57 @@ CONDITIONS: dict[str, MotionCondition] = {
 
 @dataclass(frozen=True)
 class Act:
-    """A kind of act."""
+    """A kind of act, a row of `checks.toml`."""
 
-    find: Callable[[Measured], list[Event]]  # Finds the events of this kind, of every side.
-    words: tuple[tuple[str, ...], ...] = ()  # Choices for each word of a term.
+    kinds: tuple[str, ...]  # Kinds of its events, moves or postures.
+    finder: str = "events"  # What finds them, of `_FINDERS`.
+    seconds: float = 0.0  # Shorter ones do not count.
+    choices: tuple[str, ...] = ()  # Which words of `_WORDS` a term has.
     lasts: bool = False  # Whether it is continuous, e.g. walking, instead of a single event.
-    repeats: bool = True  # Whether an event of several repetitions counts as several.
+    repeats: bool = False  # Whether an event of several repetitions counts as several.
+
+    @property
+    def words(self) -> tuple[tuple[str, ...], ...]:
+        """Choices for each word of a term."""
+        return tuple(_WORDS[name] for name in self.choices)
+
+    def find(self, scene: Measured) -> list[Event]:
+        """Finds the events of this kind, of every side."""
+        return lasting(_FINDERS[self.finder](scene, self.kinds), self.seconds)
 
 
-def _of(*kinds: str, seconds: float = 0.0) -> Callable[[Measured], list[Event]]:
-    return lambda scene: lasting(scene.all_of(*kinds), seconds)
-
-
-def _moves(*kinds: str) -> Callable[[Measured], list[Event]]:
+def _gaits(scene: Measured, kinds: Collection[str]) -> list[Event]:
     """Finds moves that travel on the feet, without standing and running in place.
 
-    Only stretches of 0.4 s and longer count in which the body is not bent, down or seated.
+    Only stretches count in which the body is not bent, down or seated.
     """
+    events = []
+    for move in scene.moves:
+        if move.kind not in kinds or move.direction in ("", "place"):
+            continue
+        upright: list[Event] = []
+        for posture in scene.postures:
+            start, end = max(move.start, posture.start), min(move.end, posture.end)
+            if posture.kind in ("stand", "crouch") and end > start:
+                if upright and upright[-1].end == start:
+                    start = upright.pop().start
+                upright.append(replace(move, start=start, end=end))
+        events += upright
+    return events
 
-    def find(scene: Measured) -> list[Event]:
-        events = []
-        for move in scene.moves:
-            if move.kind not in kinds or move.direction in ("", "place"):
-                continue
-            upright: list[Event] = []
-            for posture in scene.postures:
-                start, end = max(move.start, posture.start), min(move.end, posture.end)
-                if posture.kind in ("stand", "crouch") and end > start:
-                    if upright and upright[-1].end == start:
-                        start = upright.pop().start
-                    upright.append(replace(move, start=start, end=end))
-            events += lasting(upright, 0.4)
-        return events
 
-    return find
-
+_WORDS = {"side": SIDES, "turn": TURNS, "direction": DIRECTIONS, "head": ("head",)}
+_FINDERS: dict[str, Callable[[Measured, tuple[str, ...]], list[Event]]] = {
+    "events": lambda scene, kinds: scene.all_of(*kinds),
+    "jumps": lambda scene, kinds: jumps(scene.all_of(*kinds)),
+    "bends": lambda scene, _: bends(scene.events, scene.postures),
+    "moves": lambda scene, kinds: [move for move in scene.moves if move.kind in kinds],
+    "postures": lambda scene, kinds: [part for part in scene.postures if part.kind in kinds],
+    "gaits": _gaits,
+}
 
 # Every act by name; the numbers of `turn` are degrees, all others are counts.
-ACTS: dict[str, Act] = {
-    "raise": Act(_of("raise"), (SIDES,), repeats=False),
-    "wave": Act(_of("wave"), (SIDES,), repeats=False),
-    "punch": Act(_of("punch"), (SIDES,)),
-    "kick": Act(_of("kick"), (SIDES,)),
-    "knee_up": Act(_of("knee"), (SIDES,)),
-    "hop": Act(_of("hop"), (SIDES,)),
-    "one_leg": Act(_of("balance"), (SIDES,)),
-    "touch": Act(_of("touch_head"), (SIDES, ("head",))),
-    "jump": Act(lambda scene: jumps(scene.all_of("jump", "hop"))),
-    "clap": Act(_of("clap")),
-    "squat": Act(_of("squat")),
-    "jack": Act(_of("jack")),
-    "bend": Act(lambda scene: bends(scene.events, scene.postures)),
-    "reach_down": Act(_of("pick_up")),
-    "arms_out": Act(_of("arms_out"), repeats=False),
-    "hands_on_hips": Act(_of("hands_on_hips"), repeats=False),
-    "crawl": Act(_of("crawl"), repeats=False),
-    "sit": Act(_of("sit", "floor", seconds=0.4), repeats=False),
-    "sit_floor": Act(_of("floor", seconds=0.4), repeats=False),
-    "lie": Act(_of("lie", seconds=0.4), repeats=False),
-    "crouch": Act(_of("crouch", "squat", seconds=0.3), repeats=False),
-    "kneel": Act(_of("kneel", seconds=0.3), repeats=False),
-    "low": Act(_of("crouch", "squat", "kneel", "floor", "lie", seconds=0.3), repeats=False),
-    "stand": Act(
-        lambda scene: lasting([p for p in scene.postures if p.kind == "stand"], 0.3),
-        lasts=True,
-        repeats=False,
-    ),
-    "halt": Act(
-        lambda scene: lasting([move for move in scene.moves if move.kind == "stand"], 0.4),
-        lasts=True,
-        repeats=False,
-    ),
-    "walk": Act(_moves("walk"), lasts=True, repeats=False),
-    "run": Act(_moves("jog", "run"), lasts=True, repeats=False),
-    "go": Act(_moves("walk", "jog", "run"), (DIRECTIONS,), lasts=True, repeats=False),
-    "turn": Act(_of("turn"), (TURNS,), repeats=False),
-}
+ACTS = {name: from_json(Act, row) for name, row in packaged_toml(__file__, "checks.toml").items()}
 
 
 def fulfills(scene: Measured, check: Check) -> bool:

@@ -346,12 +346,10 @@ def _nearest_other(embeddings: Float[np.ndarray, "group width"]) -> np.ndarray:
 
 
 SPECIAL = ("[PAD]", "[UNK]", "[CLS]", "[SEP]")
+# Special pieces of a WordPiece vocabulary, and what marks pieces inside words. A smaller vocabulary
+# keeps its teacher's spelling, so that a sentence of these pieces is split in the same places as
+# its teacher splits it, and the states of both can be compared word by word.
 CONTINUATION = "##"
-"""Special pieces of a WordPiece vocabulary, and what marks pieces inside words.
-
-A smaller vocabulary keeps its teacher's spelling, so that a sentence of these pieces is split in
-the same places as its teacher splits it, and the states of both can be compared word by word.
-"""
 
 
 def frequent_words(tokenizer: Tokenizer, count: int) -> list[str]:

@@ -72,11 +72,9 @@ class Distillation:
     few_step: FewStepConfig = field(default_factory=FewStepConfig)
     # Its training items.
     objective: TrajectoryRegression = field(default_factory=TrajectoryRegression)
+    # Sampler of the teacher's trajectories. `dpm++` is nearer to the exact trajectory; use `ddim`
+    # for teachers better in coarse steps.
     solver: Literal["dpm++", "ddim"] = "dpm++"
-    """Sampler of the teacher's trajectories.
-
-    `dpm++` is nearer to the exact trajectory; use `ddim` for teachers better in coarse steps.
-    """
     # Lengths of motions, within those that the teacher makes.
     cropping: Cropping = field(default_factory=lambda: Cropping(max_frames=196, min_frames=12))
     huber_delta: float = 1.0  # Error at which the loss changes from quadratic to linear (Huber).
