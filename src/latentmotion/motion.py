@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.errors import InputError
-from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton, interpolate
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Joints, Skeleton, interpolate
 from latentmotion.language.claims import NO_CORRECTIONS, Corrections, mirror_words
 from latentmotion.plugins import registered
 from latentmotion.progress import counted
@@ -48,7 +48,7 @@ class Motion:
         InputError: The joints are empty, not finite, or not those of the skeleton.
     """
 
-    joints: Float[np.ndarray, "frames joints 3"]
+    joints: Joints
     """Global joint positions, float32, meters."""
     fps: float = 20.0
     """Frames per second."""
@@ -197,7 +197,7 @@ class Motion:
         faster = replace(self, fps=self.fps * speed).with_recorded(recorded).resampled(self.fps)
         return faster.with_joints(faster.joints, self.caption).with_recorded(faster.recorded)
 
-    def with_joints(self, joints: Float[np.ndarray, "frames joints 3"], caption: str) -> Motion:
+    def with_joints(self, joints: Joints, caption: str) -> Motion:
         """Returns other joints of this motion, without what was said of its own frames."""
         metadata = {name: it for name, it in self.metadata.items() if name not in _OF_FRAMES}
         return replace(self, joints=joints, caption=caption, metadata=metadata)

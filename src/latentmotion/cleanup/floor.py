@@ -38,7 +38,7 @@ from latentmotion.arrays import (
 from latentmotion.cleanup.contacts import ramp, velocity
 from latentmotion.cleanup.leg_ik import find_legs, reach
 from latentmotion.cleanup.smoothing import gaussian, quintic, upper_envelope
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Joints, Skeleton
 from latentmotion.measure.signals import spans
 
 _ARM = ("shoulder", "elbow", "wrist")
@@ -188,9 +188,7 @@ def lift_hands(
 _LOW_FOOT, _GRAVITY, _FLIGHT = 0.04, 9.81, 0.5
 
 
-def land_walkers(
-    joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton
-) -> Float[np.ndarray, "frames joints 3"]:
+def land_walkers(joints: Joints, fps: float, skeleton: Skeleton) -> Joints:
     """Returns the joints with a body lowered that is in the air and does not fall.
 
     A body that nothing carries falls: its pelvis is on a parabola, half a meter above the line
@@ -220,12 +218,12 @@ def land_walkers(
 
 
 def lift_feet(
-    joints: Float[np.ndarray, "frames joints 3"],
+    joints: Joints,
     fps: float,
     skeleton: Skeleton,
     floor: float,
     share: Float[np.ndarray, " frames"],
-) -> Float[np.ndarray, "frames joints 3"]:
+) -> Joints:
     """Returns the joints with no foot below a height, legs bent for it.
 
     Args:

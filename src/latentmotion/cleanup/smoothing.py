@@ -44,10 +44,8 @@ from jaxtyping import Float
 from latentmotion.arrays import Lengths, dot, held, length, running_maximum
 from latentmotion.cleanup.contacts import ramp, velocity
 from latentmotion.kinematics.plausibility import unfinished
-from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Joints, Skeleton
 from latentmotion.measure.signals import spans
-
-Joints = Float[np.ndarray, "frames joints 3"]
 
 
 def smooth(

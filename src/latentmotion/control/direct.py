@@ -49,7 +49,7 @@ from latentmotion.errors import InputError
 from latentmotion.kinematics.humanoid import Humanoid
 from latentmotion.kinematics.recorded import Recorded
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Joints, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
@@ -106,9 +106,7 @@ class Direction:
         ]
         return (*self.in_world, *(Reach("pelvis", at, (x, None, z)) for at, (x, z) in passed))
 
-    def residual(
-        self, joints: Float[np.ndarray, "frames joints 3"] | None = None
-    ) -> TargetResidual:
+    def residual(self, joints: Joints | None = None) -> TargetResidual:
         """Returns what is missing, where the path of the motion is straight.
 
         Args:
@@ -131,9 +129,7 @@ class Direction:
         targets = targets_of(goals, self.frames, self.fps, self.skeleton, None)
         return TargetResidual(targets, self.skeleton)
 
-    def _straight(
-        self, goal: Goal, curve: Curve, joints: Float[np.ndarray, "frames joints 3"] | None
-    ) -> Goal:
+    def _straight(self, goal: Goal, curve: Curve, joints: Joints | None) -> Goal:
         """Returns a goal of the world as it is on the straight line."""
         assert isinstance(goal, Reach | Heading)
         even = float(np.interp(goal.at, *np.transpose(self.along)))

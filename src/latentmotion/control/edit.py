@@ -39,12 +39,11 @@ from latentmotion.engine.request import GenerationRequest
 from latentmotion.errors import InputError, hint
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.inverse_kinematics import nearest_rotation
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Joints, Skeleton
 from latentmotion.model.config import STRIDE, Sampling
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
-Joints = Float[np.ndarray, "frames joints 3"]
 # Latents that are kept on either side of a gap; beyond some two the decoder hardly sees them.
 TOKENS = 8
 

@@ -24,11 +24,10 @@ from latentmotion.cleanup.leg_ik import reach as bend
 from latentmotion.cleanup.smoothing import quintic, rate_left, spread
 from latentmotion.control.goals import Targets, hand_points, heading_gaps, with_hands
 from latentmotion.kinematics.rotations import quaternion_from_axis_angle, quaternion_rotate
-from latentmotion.kinematics.skeleton import Skeleton, joints_of_bones
+from latentmotion.kinematics.skeleton import Joints, Skeleton, joints_of_bones
 from latentmotion.measure.signals import spans
 from latentmotion.representation.canonical import turn
 
-Joints = Float[np.ndarray, "frames joints 3"]
 Offsets = Float[np.ndarray, "frames 3"]
 
 BLEND = 0.5  # Seconds in which an offset comes and goes.

@@ -48,14 +48,13 @@ from latentmotion.kinematics.keypoints import (
     keypoints_of,
     limb_ratio,
 )
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, Joints
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 
 Curve = Float[np.ndarray, " frames"]
 
-Joints = Float[np.ndarray, "frames joints 3"]
 
 # Correlation of a latent with the one before, in recordings of the test split: 0.7 to 0.95.
 _LAG = 0.85

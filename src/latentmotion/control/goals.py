@@ -20,11 +20,9 @@ from latentmotion.arrays import unit
 from latentmotion.cleanup.floor import find_arms
 from latentmotion.errors import InputError, hint
 from latentmotion.kinematics.bone_names import BEYOND_WRIST
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Joints, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
-
-Joints = Float[np.ndarray, "frames joints 3"]
 
 FASTEST = 8.0  # Meters per second that a person can run.
 

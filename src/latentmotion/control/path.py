@@ -19,7 +19,7 @@ from latentmotion.cleanup.leg_ik import reach as bend_leg
 from latentmotion.cleanup.pipeline import ground_path
 from latentmotion.control.goals import RootPath
 from latentmotion.errors import InputError
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Joints, Skeleton
 from latentmotion.representation.canonical import turn
 
 # Meters between the points by which a curve is kept.
@@ -135,9 +135,7 @@ def _paced(path: RootPath, curve: Curve) -> Float[np.ndarray, " points"]:
     return np.cumsum([0.0, *(np.diff(curve.marks) / ((pace[1:] + pace[:-1]) / 2))])
 
 
-def bent(
-    joints: Float[np.ndarray, "frames joints 3"], curve: Curve, fps: float, skeleton: Skeleton
-) -> Float[np.ndarray, "frames joints 3"]:
+def bent(joints: Joints, curve: Curve, fps: float, skeleton: Skeleton) -> Joints:
     """Returns a motion along +z, bent onto a curve.
 
     Args:

@@ -31,12 +31,12 @@ from jaxtyping import Bool, Float
 from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.parametrization import Estimates, Mask, ParametrizedDenoiser
 from latentmotion.errors import InputError
+from latentmotion.kinematics.skeleton import Joints
 from latentmotion.representation.canonical import turn
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
 from latentmotion.representation.interface import Representation, Scale
 
 Latents = Float[np.ndarray, "tokens width"]
-Joints = Float[np.ndarray, "frames joints 3"]
 
 # Samples latents for so many frames, its estimates of the clean latents corrected by a function.
 Sample = Callable[[int, Callable[[np.ndarray], np.ndarray]], Latents]

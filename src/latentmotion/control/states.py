@@ -28,7 +28,7 @@ from latentmotion.control.goals import FASTEST, Goal, Pose
 from latentmotion.control.stream import generate_loop
 from latentmotion.errors import InputError, hint
 from latentmotion.formats.tables import contact_events
-from latentmotion.kinematics.skeleton import joints_of_bones
+from latentmotion.kinematics.skeleton import Joints, joints_of_bones
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
 
@@ -274,7 +274,7 @@ def _turned(motion: Motion) -> float:
     return float(facing[-1] - facing[0])
 
 
-def _with(motion: Motion, joints: Float[np.ndarray, "frames joints 3"]) -> Motion:
+def _with(motion: Motion, joints: Joints) -> Motion:
     return replace(motion, joints=joints.astype(np.float32))
 
 

@@ -25,6 +25,7 @@ from latentmotion.control.generator import (
 )
 from latentmotion.control.reach import DecodedMotion
 from latentmotion.engine.request import USUAL_SECONDS, GenerationRequest
+from latentmotion.kinematics.skeleton import Joints
 from latentmotion.model.config import STRIDE
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import turn
@@ -67,9 +68,7 @@ def generate_stream(
     space, motion = generator.representation, decoders_of(generator)
     sees = margin_of(generator)
 
-    def advance(
-        state: StreamState, prompt: str, seed: int
-    ) -> tuple[Float[np.ndarray, "frames joints 3"], StreamState]:
+    def advance(state: StreamState, prompt: str, seed: int) -> tuple[Joints, StreamState]:
         request = GenerationRequest((prompt,), (STRIDE * CALL,), (seed,), sampling)
         request.check(generator.card, space.fps)
         sample_known = known_latents_of(generator, request)
@@ -168,7 +167,7 @@ def advanced(
     space: Representation,
     sees: int,
     seed: int,
-) -> tuple[Float[np.ndarray, "frames joints 3"], StreamState]:
+) -> tuple[Joints, StreamState]:
     """Returns the next frames of a stream, and the state after them.
 
     Args:
@@ -207,7 +206,7 @@ def placed(
     space: Representation,
     yaw: float,
     place: tuple[float, float],
-) -> tuple[Float[np.ndarray, "frames joints 3"], float, tuple[float, float]]:
+) -> tuple[Joints, float, tuple[float, float]]:
     """Returns the joints of features that begin somewhere, and where the frame after them begins.
 
     Args:

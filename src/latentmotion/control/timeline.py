@@ -28,7 +28,7 @@ from latentmotion.control.generator import (
 from latentmotion.control.stream import KNOWN, decode_in_windows
 from latentmotion.engine.request import USUAL_SECONDS, GenerationRequest
 from latentmotion.errors import InputError
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Joints, Skeleton
 from latentmotion.model.config import STRIDE
 from latentmotion.motion import Motion
 
@@ -282,12 +282,12 @@ def tokens_of(spans: Sequence[Span], seconds: Sequence[float], fps: float) -> li
 
 
 def _with_part(
-    body: Float[np.ndarray, "frames joints 3"],
+    body: Joints,
     own: Float[np.ndarray, "some joints 3"],
     span: PartSpan,
     fps: float,
     skeleton: Skeleton,
-) -> Float[np.ndarray, "frames joints 3"]:
+) -> Joints:
     """Returns a motion whose part moves as in another; all other joints are the same numbers.
 
     Args:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.arrays import unit
-from latentmotion.kinematics.skeleton import HUMANML3D, Animation
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Joints
 from latentmotion.measure.signals import spans
 
 ANY_JOINT = 240.0  # Largest credible acceleration of any joint, m/s².
@@ -43,7 +43,7 @@ LOWERING = 10  # Frames in which the arms go down from it, or up to it.
 _PELVIS, _LEG_BONES = 0, (4, 7)
 
 
-def find_glitch(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> str | None:
+def find_glitch(joints: Joints, fps: float) -> str | None:
     """Returns why a motion of HumanML3D's joints cannot be real, or None if it can.
 
     Args:
@@ -74,7 +74,7 @@ def find_glitch(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> str
     return None
 
 
-def clean_spans(joints: Float[np.ndarray, "frames joints 3"], fps: float) -> list[tuple[int, int]]:
+def clean_spans(joints: Joints, fps: float) -> list[tuple[int, int]]:
     """Returns the stretches between glitches, as first frame and one past the last.
 
     Around every frame in which something jumps or tears, `MARGIN` frames go too. A motion of the
@@ -119,9 +119,7 @@ def is_blended(animation: Animation) -> bool:
     return bool(degrees[1] < BLENDS * degrees[BLENDED])
 
 
-def without_blend(
-    joints: Float[np.ndarray, "frames joints 3"], native: float, fps: float
-) -> Float[np.ndarray, "frames joints 3"]:
+def without_blend(joints: Joints, native: float, fps: float) -> Joints:
     """Replaces the frames next to the T-pose by a straight continuation of what follows.
 
     Args:
@@ -142,7 +140,7 @@ def without_blend(
     return np.concatenate([replaced, joints[count:]])
 
 
-def held_t_pose(joints: Float[np.ndarray, "frames joints 3"]) -> Bool[np.ndarray, " frames"]:
+def held_t_pose(joints: Joints) -> Bool[np.ndarray, " frames"]:
     """Returns in which frames a performer stands with both arms stretched out to the sides.
 
     Captures often begin and end so, for calibration.
@@ -170,7 +168,7 @@ def held_t_pose(joints: Float[np.ndarray, "frames joints 3"]) -> Bool[np.ndarray
     return is_t_pose
 
 
-def without_t_poses(joints: Float[np.ndarray, "frames joints 3"]) -> list[tuple[int, int]]:
+def without_t_poses(joints: Joints) -> list[tuple[int, int]]:
     """Returns the stretches without calibration poses and the motion into and out of them."""
     posed = np.zeros(len(joints), bool)
     for first, last in spans(held_t_pose(joints)):
@@ -180,7 +178,7 @@ def without_t_poses(joints: Float[np.ndarray, "frames joints 3"]) -> list[tuple[
     return list(spans(~posed))
 
 
-def _wrong_size(joints: Float[np.ndarray, "frames joints 3"]) -> str | None:
+def _wrong_size(joints: Joints) -> str | None:
     leg = float(np.median(_bone_lengths(joints)[:, _LEG_BONES], axis=0).sum())
     if LEG[0] <= leg <= LEG[1]:
         return None
@@ -188,7 +186,7 @@ def _wrong_size(joints: Float[np.ndarray, "frames joints 3"]) -> str | None:
 
 
 def _length_changes(
-    usual: Float[np.ndarray, "some joints 3"], joints: Float[np.ndarray, "frames joints 3"]
+    usual: Float[np.ndarray, "some joints 3"], joints: Joints
 ) -> Float[np.ndarray, "frames joints"]:
     """Returns by how much the bones differ from their usual lengths, as a fraction of these."""
     median = np.median(_bone_lengths(usual), axis=0)
@@ -196,9 +194,7 @@ def _length_changes(
     return np.abs(_bone_lengths(joints) - median) / np.maximum(median, 0.1)
 
 
-def _bone_lengths(
-    joints: Float[np.ndarray, "frames joints 3"],
-) -> Float[np.ndarray, "frames joints"]:
+def _bone_lengths(joints: Joints) -> Float[np.ndarray, "frames joints"]:
     parents = [max(parent, 0) for parent in HUMANML3D.parents]
     return np.linalg.norm(joints - joints[:, parents], axis=-1)
 

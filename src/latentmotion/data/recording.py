@@ -19,7 +19,7 @@ from latentmotion.data.clip import Split, TaggedSentence
 from latentmotion.errors import DataError, InputError
 from latentmotion.kinematics.humanoid import to_humanml3d
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
-from latentmotion.kinematics.skeleton import Animation, interpolate
+from latentmotion.kinematics.skeleton import Animation, Joints, interpolate
 from latentmotion.representation.smpl import smpl_features
 from latentmotion.storage.limits import FARTHEST, MOST_NUMBER
 
@@ -66,7 +66,7 @@ class Recording:
 
     label: Label
     """Everything else about it."""
-    joints: Float[np.ndarray, "frames joints 3"]
+    joints: Joints
     """Joint positions, meters, y up; body proportions as recorded."""
 
 
@@ -156,9 +156,7 @@ def files_below(folder: Path, endings: Collection[str]) -> list[Path]:
     return sorted(files)
 
 
-def joints_at(
-    animation: Animation, fps: float, native_fps: float
-) -> Float[np.ndarray, "frames joints 3"]:
+def joints_at(animation: Animation, fps: float, native_fps: float) -> Joints:
     """Returns HumanML3D's joints of an animation at another frame rate; see `at_rate`.
 
     Args:
@@ -172,9 +170,7 @@ def joints_at(
     return at_rate(to_humanml3d(animation), fps, native_fps)
 
 
-def at_rate(
-    joints: Float[np.ndarray, "frames joints 3"], fps: float, native_fps: float
-) -> Float[np.ndarray, "times joints 3"]:
+def at_rate(joints: Joints, fps: float, native_fps: float) -> Float[np.ndarray, "times joints 3"]:
     """Returns joints at another frame rate.
 
     Args:

@@ -10,11 +10,11 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
 
 from latentmotion.data.clip import TaggedSentence
 from latentmotion.data.quality import clean_spans
 from latentmotion.data.recording import Label, Recording
+from latentmotion.kinematics.skeleton import Joints
 
 LONGEST = 196  # Frames of the longest piece: HumanML3D's longest features.
 SHORTEST = 20  # Frames of the shortest piece: a second.
@@ -34,7 +34,7 @@ _NOT_A_VERB = frozenset(("is", "was", "has", "his", "across", "towards", "forwar
 
 
 def pieces(
-    joints: Float[np.ndarray, "frames joints 3"],
+    joints: Joints,
     fps: float,
     spans: Sequence[tuple[int, int]] | None = None,
     cuts: Sequence[int] = (),

@@ -19,7 +19,7 @@ from jaxtyping import Float
 from latentmotion.errors import FileFormatError, ReadingWarning
 from latentmotion.formats import EngineName, checks, numbered
 from latentmotion.kinematics.rotations import euler_from_matrix, matrix_from_euler
-from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.kinematics.skeleton import Animation, Joints, Skeleton
 from latentmotion.kinematics.standing import meters_per_unit
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
@@ -329,9 +329,7 @@ def _depth_first(skeleton: Skeleton, joint: int = 0) -> list[int]:
     return [joint, *(j for c in skeleton.children(joint) for j in _depth_first(skeleton, c))]
 
 
-def continuous_euler(
-    rotations: Float[np.ndarray, "frames joints 3 3"], order: str
-) -> Float[np.ndarray, "frames joints 3"]:
+def continuous_euler(rotations: Float[np.ndarray, "frames joints 3 3"], order: str) -> Joints:
     """Returns angles about the axes of `order` in radians, each frame the nearest to the last.
 
     Every rotation has two triples of angles, for ZXY (z, x, y) and (z + π, π - x, y + π). Changing

@@ -49,7 +49,7 @@ from jaxtyping import Float
 from latentmotion.arrays import cross, quantile, unit
 from latentmotion.kinematics import rotations as rot
 from latentmotion.kinematics.bone_names import SIDES
-from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Joints, Skeleton
 
 # μ and κ.
 _PRIOR, _CONTINUITY = 0.1, 5.0
@@ -207,9 +207,7 @@ LIMBS = (
 _LIMB_OF = {limb.joints[0]: limb for limb in LIMBS}
 
 
-def solve(
-    joints: Float[np.ndarray, "frames joints 3"], fps: float, skeleton: Skeleton = HUMANML3D
-) -> Animation:
+def solve(joints: Joints, fps: float, skeleton: Skeleton = HUMANML3D) -> Animation:
     """Finds the rotations of a T-pose skeleton that reach the given joints.
 
     Args:

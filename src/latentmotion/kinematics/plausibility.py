@@ -40,9 +40,7 @@ import numpy as np
 from jaxtyping import Float
 
 from latentmotion.arrays import length
-from latentmotion.kinematics.skeleton import HUMANML3D, Skeleton
-
-Joints = Float[np.ndarray, "frames joints 3"]
+from latentmotion.kinematics.skeleton import HUMANML3D, Joints, Skeleton
 
 _FADING_HEIGHT = 0.025
 _CONTACT_HEIGHT, _SKATING_SPEED = 0.05, 0.5

@@ -9,16 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from latentmotion.kinematics import standing
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.humanoid import Humanoid
 from latentmotion.kinematics.inverse_kinematics import solve_batch
 from latentmotion.kinematics.rotations import matrix_between
-from latentmotion.kinematics.skeleton import HUMANML3D, Animation
-
-Joints = Float[np.ndarray, "frames joints 3"]
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Joints
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,8 @@ from latentmotion.storage.limits import (
     UNPACKED_FACTOR,
 )
 
+Joints = Float[np.ndarray, "frames joints 3"]  # Global positions of the joints of a body, meters.
+
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
@@ -209,7 +211,7 @@ class Animation:
     """Position of the root joint, meters, y up."""
     fps: float
     """Frames per second."""
-    translations: Float[np.ndarray, "frames joints 3"] | None = None
+    translations: Joints | None = None
     """Animated offsets in place of the skeleton's, in files that move more than the root."""
 
     def __len__(self) -> int:
@@ -220,7 +222,7 @@ class Animation:
         """Returns the rest pose as one frame, the root at the origin."""
         return cls(skeleton, np.tile(np.eye(3), (1, len(skeleton), 1, 1)), np.zeros((1, 3)), 20.0)
 
-    def joints(self) -> Float[np.ndarray, "frames joints 3"]:
+    def joints(self) -> Joints:
         """Returns global joint positions, meters."""
         return self.skeleton.forward_kinematics(
             self.rotations, self.root_positions, self.translations
@@ -268,7 +270,7 @@ class Animation:
 def posed(
     skeleton: Skeleton,
     world: Float[np.ndarray, "frames joints 3 3"],
-    joints: Float[np.ndarray, "frames joints 3"],
+    joints: Joints,
     fps: float,
     root: Float[np.ndarray, "frames 3"] | None = None,
 ) -> Animation:
@@ -299,7 +301,7 @@ def joints_of_bones(
     root: Float[np.ndarray, "frames 3"],
     bones: Float[np.ndarray, "frames bones 3"],
     skeleton: Skeleton,
-) -> Float[np.ndarray, "frames joints 3"]:
+) -> Joints:
     """Returns the joints of a root and of the bones from each parent to the next joint, meters."""
     joints = [root]
     for bone, parent in enumerate(skeleton.parents[1:]):
@@ -323,9 +325,7 @@ def _between(
     return track[before] * (1 - share) + track[after] * share
 
 
-def interpolate(
-    joints: Float[np.ndarray, "frames joints 3"], step: float
-) -> Float[np.ndarray, "times joints 3"]:
+def interpolate(joints: Joints, step: float) -> Float[np.ndarray, "times joints 3"]:
     """Returns joints at every `step`-th frame, in between frames by straight lines.
 
     Raises:

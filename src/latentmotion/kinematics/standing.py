@@ -25,7 +25,7 @@ from latentmotion.errors import DataError, InputError, hint
 from latentmotion.kinematics.bone_names import SIDES, JointMap
 from latentmotion.kinematics.humanoid import Humanoid
 from latentmotion.kinematics.inverse_kinematics import solve
-from latentmotion.kinematics.skeleton import HUMANML3D, Animation, check_fps
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Joints, check_fps
 
 # Units of length by name; `cmu` is Acclaim's unit, 5.644 cm, that conversions of CMU's keep.
 METERS_PER_UNIT: Mapping[str, float] = {
@@ -75,7 +75,6 @@ _BENT = 0.08
 # A rest pose that faces an axis to within this angle is taken to face it.
 _SQUARE = np.radians(10)
 
-Joints = Float[np.ndarray, "frames joints 3"]
 Rotations = Float[np.ndarray, "bones 3 3"]
 
 

@@ -8,15 +8,15 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
+from latentmotion.kinematics.skeleton import Joints
 from latentmotion.measure import limbs, whole_body
 from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, of_kind
 from latentmotion.measure.signals import Signals, activity_of, measure, peaks, twist_of
 from latentmotion.measure.whole_body import POSES
 
 
-def describe(joints: Float[np.ndarray, "frames joints 3"]) -> Measured:
+def describe(joints: Joints) -> Measured:
     """Measures what a motion does.
 
     Args:

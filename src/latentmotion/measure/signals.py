@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from latentmotion.arrays import dot, length, quantile
 from latentmotion.errors import InputError
-from latentmotion.kinematics.skeleton import HUMANML3D
+from latentmotion.kinematics.skeleton import HUMANML3D, Joints
 from latentmotion.measure.facts import FPS, LEFT, RIGHT
 from latentmotion.representation.canonical import gaussian_smooth
 
@@ -55,7 +55,7 @@ class Signals:
         return self.local[:, JOINT[name]]
 
 
-def measure(joints: Float[np.ndarray, "frames joints 3"]) -> Signals:
+def measure(joints: Joints) -> Signals:
     """Computes the curves.
 
     Raises:

@@ -23,7 +23,7 @@ from jaxtyping import Float, Int
 
 from latentmotion.kinematics.bone_names import REQUIRED
 from latentmotion.kinematics.rotations import matrix_between
-from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Joints, Skeleton
 from latentmotion.motion import Motion
 
 GREY = (0.57, 0.60, 0.65)  # Linear RGB of the body.
@@ -53,9 +53,7 @@ class Mannequin:
     # Number of triangles, the first, that are grey; the others have the take's color.
     shell: int = 0
 
-    def moves(
-        self, animation: Animation
-    ) -> tuple[Float[np.ndarray, "frames joints 3 3"], Float[np.ndarray, "frames joints 3"]]:
+    def moves(self, animation: Animation) -> tuple[Float[np.ndarray, "frames joints 3 3"], Joints]:
         """Returns the rotation, then the shift, of each joint's vertices in the world."""
         world = animation.skeleton.world_rotations(animation.rotations)
         rest = self.skeleton.rest_joints()

@@ -21,6 +21,7 @@ from jaxtyping import Float, Int
 
 from latentmotion.arrays import unit
 from latentmotion.errors import InputError, MissingExtraError
+from latentmotion.kinematics.skeleton import Joints
 from latentmotion.motion import Motion
 from latentmotion.render.mannequin import Figure, mannequin_of
 
@@ -160,7 +161,7 @@ class Bodies:
     normals: Float[np.ndarray, "frames vertices 3"]  # Outward normals.
     triangles: Int[np.ndarray, "triangles 3"]  # Corners of the faces.
     shell: int  # Number of faces, the first, that do not have the take's color.
-    joints: Float[np.ndarray, "frames joints 3"]  # Positions of the joints.
+    joints: Joints  # Positions of the joints.
 
     def moved(self, frame: int, shift: Float[np.ndarray, " width"]) -> Bodies:
         """Returns a single frame, displaced along the floor."""

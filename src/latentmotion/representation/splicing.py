@@ -16,11 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Joints, Skeleton
 from latentmotion.representation.canonical import heading, turn
 from latentmotion.representation.interface import Representation
-
-Joints = Float[np.ndarray, "frames joints 3"]
 
 # Meters and meters per second below which a foot joint counts as standing at the seam.
 _STANDING_HEIGHT, _STANDING_SPEED = 0.07, 0.4

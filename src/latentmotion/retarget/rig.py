@@ -25,7 +25,7 @@ from latentmotion.errors import DataError, ReadingWarning
 from latentmotion.kinematics import draft, standing
 from latentmotion.kinematics.bone_names import OPTIONAL, REQUIRED, SIDES, JointMap
 from latentmotion.kinematics.humanoid import Humanoid, find_humanoid, fitting_map, to_humanml3d
-from latentmotion.kinematics.skeleton import Animation, Skeleton, posed
+from latentmotion.kinematics.skeleton import Animation, Joints, Skeleton, posed
 from latentmotion.motion import Motion
 from latentmotion.retarget.rig_files import RigFile, open_rig
 
@@ -128,7 +128,7 @@ class RigPose:
         return world
 
     @cached_property
-    def joints(self) -> Float[np.ndarray, "frames joints 3"]:
+    def joints(self) -> Joints:
         """Positions of all joints."""
         return self.animation(1.0).joints()
 
@@ -297,7 +297,7 @@ class SourceCharacter:
     """A moving body, described as if its rest pose stood upright facing +z."""
 
     body: Humanoid  # Its joints; its skeleton's rest pose is turned to face +z.
-    joints: Float[np.ndarray, "frames joints 3"]  # Positions, meters, y up, the floor at height 0.
+    joints: Joints  # Positions, meters, y up, the floor at height 0.
     # Rotations in the world, away from the rest pose.
     world: Float[np.ndarray, "frames joints 3 3"]
     fps: float  # Frames per second.

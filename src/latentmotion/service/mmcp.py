@@ -29,7 +29,7 @@ from latentmotion.control.timeline import LONGEST, Span, generate_timeline
 from latentmotion.errors import LatentMotionError
 from latentmotion.kinematics.humanoid import Humanoid, find_humanoid
 from latentmotion.kinematics.rotations import matrix_from_quaternion, quaternion_from_matrix
-from latentmotion.kinematics.skeleton import BODY, HUMANML3D, Animation, Skeleton
+from latentmotion.kinematics.skeleton import BODY, HUMANML3D, Animation, Joints, Skeleton
 from latentmotion.motion import Motion
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.retarget.rig import Rig, make_rig
@@ -66,9 +66,7 @@ class RequestedRig(RigFile):
         root, offsets[0] = offsets[0].copy(), 0
         return cls(Skeleton("request", tuple(names), tuple(parents), offsets), rest, root)
 
-    def local(
-        self, animation: Animation
-    ) -> tuple[Float[np.ndarray, "frames joints 4"], Float[np.ndarray, "frames joints 3"]]:
+    def local(self, animation: Animation) -> tuple[Float[np.ndarray, "frames joints 4"], Joints]:
         """Returns rotations (x, y, z, w) and translations relative to the parents, as glTF has."""
         world = animation.skeleton.world_rotations(animation.rotations) @ self.rest
         parents = list(self.skeleton.parents)

@@ -22,9 +22,6 @@ from itertools import groupby
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-from jaxtyping import Float
-
 from latentmotion.data import quality, recording
 from latentmotion.data.clip import Split, TaggedSentence, mirror_sentence
 from latentmotion.data.recording import FPS, Dropped, FileGroup, Label, Recording
@@ -39,6 +36,7 @@ from latentmotion.data.sources.humanml3d import (
 )
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats import asf_amc, bvh
+from latentmotion.kinematics.skeleton import Joints
 from latentmotion.progress import counted
 from latentmotion.storage.reading import read_text
 
@@ -143,9 +141,7 @@ class CmuTrials:
             groups.append(FileGroup(tuple(some.paths.values()), read))
         return groups
 
-    def _cut(
-        self, trial: str, row: IndexRow, joints: Float[np.ndarray, "frames joints 3"]
-    ) -> Recording | Dropped:
+    def _cut(self, trial: str, row: IndexRow, joints: Joints) -> Recording | Dropped:
         """Returns a clip of the index.
 
         Training is kept apart by recording. HumanML3D cuts 47 recordings into train and test
@@ -237,7 +233,7 @@ def native_fps(trial: str) -> float:
     return SLOW_RATE if is_slow else USUAL_RATE
 
 
-def trial_joints(trial: str, path: Path) -> Float[np.ndarray, "frames joints 3"]:
+def trial_joints(trial: str, path: Path) -> Joints:
     """Reads a trial at 20 frames per second, without a T-pose that a conversion put before it.
 
     A BVH file is believed if it states another rate than the 120 that all conversions claim.
@@ -288,10 +284,7 @@ def read_exercises(folder: Path, fps: int) -> dict[str, list[tuple[int, int, str
 
 
 def _uncaptioned(
-    trial: str,
-    rows: Sequence[IndexRow],
-    joints: Float[np.ndarray, "frames joints 3"],
-    exercises: Sequence[tuple[int, int, str]],
+    trial: str, rows: Sequence[IndexRow], joints: Joints, exercises: Sequence[tuple[int, int, str]]
 ) -> Iterator[tuple[int, int, Recording | Dropped]]:
     """Yields what the index leaves of a trial; labels of exercises become sentences."""
     gaps, start = [], 0

@@ -50,7 +50,7 @@ from latentmotion.formats.smpl import MOTIONX_NUMBERS
 from latentmotion.formats.takes import SkeletonTake
 from latentmotion.kinematics.humanoid import find_humanoid
 from latentmotion.kinematics.rotations import matrix_from_axis_angle
-from latentmotion.kinematics.skeleton import BODY, HANDS, HUMANML3D, Skeleton
+from latentmotion.kinematics.skeleton import BODY, HANDS, HUMANML3D, Joints, Skeleton
 from latentmotion.kinematics.standing import Stated
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
@@ -223,9 +223,7 @@ class OwnMotions:
             path = self.captions / path.relative_to(self.folder)
         return path.with_suffix(".txt")
 
-    def _takes(
-        self, path: Path, body: WholeBody | None
-    ) -> list[Float[np.ndarray, "frames joints 3"]]:
+    def _takes(self, path: Path, body: WholeBody | None) -> list[Joints]:
         """Reads the joints of each animation, without a T-pose that was put before it."""
         if self.hands:
             if body is None or body.hands is None:

@@ -44,6 +44,7 @@ from latentmotion.data.segments import LONGEST, pieces, touching
 from latentmotion.data.sources import LABELS, OWNERS
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats import asf_amc, bvh
+from latentmotion.kinematics.skeleton import Joints
 from latentmotion.measure.signals import JOINT
 from latentmotion.progress import counted
 from latentmotion.storage.reading import read_text
@@ -62,8 +63,6 @@ _MOST_ACTIONS = 4
 _PERSON = re.compile(r"(?P<take>\w+_\d+_\d+)_\d+$")
 _PREFIX = re.compile(r"^(\d__|multi__)?(SSBoxerMan__|hys_|mmk_)?")
 _RATE = re.compile(rb":SAMPLES-PER-SECOND\s+(\d+)")
-
-Joints = Float[np.ndarray, "frames joints 3"]
 
 
 @dataclass(frozen=True)

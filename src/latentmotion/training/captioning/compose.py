@@ -20,7 +20,7 @@ from latentmotion.data.clip import Caption, Clip, Source, mirror_words
 from latentmotion.data.dataset import Dataset, items_of
 from latentmotion.data.store import COMPOSED, StoredClip, StoredMotion, caption_rows
 from latentmotion.errors import DataError
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import Joints, Skeleton
 from latentmotion.representation.canonical import heading
 from latentmotion.representation.interface import Representation
 from latentmotion.representation.splicing import pose_descriptors, seam_of, splice
@@ -99,10 +99,7 @@ def composed_source(sources: Sequence[Source]) -> Source:
 
 
 def objection(
-    joints: Float[np.ndarray, "frames joints 3"],
-    seam: int,
-    representation: Representation,
-    limits: Composition,
+    joints: Joints, seam: int, representation: Representation, limits: Composition
 ) -> str:
     """Returns the quality limit that a sequence breaks, or an empty string.
 
@@ -246,7 +243,7 @@ class ActionClip:
 
     clip: Clip  # The clip, or its mirrored copy.
     start: int  # Its first frame there.
-    joints: Float[np.ndarray, "frames joints 3"]  # Positions, meters, the floor at height 0.
+    joints: Joints  # Positions, meters, the floor at height 0.
     sentences: tuple[Sentence, ...]  # Its captions, in clauses; at least one.
     texts: tuple[str, ...]  # The same sentences as they were written.
     steady: bool  # Whether any piece of it is the same action.
@@ -408,9 +405,7 @@ def _single_action(text: str) -> Sentence | None:
     return sentence if plain and not ordered else None
 
 
-def _is_broken_off(
-    sentences: tuple[Sentence, ...], joints: Float[np.ndarray, "frames joints 3"]
-) -> bool:
+def _is_broken_off(sentences: tuple[Sentence, ...], joints: Joints) -> bool:
     """Whether limbs are fastest where the clip ends, as in a kick that is cut at its height."""
     if any(clause.verb in _GOING for sentence in sentences for clause in sentence.clauses):
         return False
@@ -419,11 +414,7 @@ def _is_broken_off(
     return bool(speeds[-1] > _BROKEN_OFF * speeds.max())
 
 
-def _is_steady(
-    sentences: tuple[Sentence, ...],
-    joints: Float[np.ndarray, "frames joints 3"],
-    skeleton: Skeleton,
-) -> bool:
+def _is_steady(sentences: tuple[Sentence, ...], joints: Joints, skeleton: Skeleton) -> bool:
     """Whether a movement is uniform: by its words, and when going by speed and heading."""
     verbs = {clause.verb for sentence in sentences for clause in sentence.clauses}
     words = {word for sentence in sentences for c in sentence.clauses for word in c.rest}
