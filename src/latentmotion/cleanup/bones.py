@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from latentmotion.arrays import Lengths, length, quantile, real_frames
 from latentmotion.cleanup.leg_ik import keep_knee_direction
 from latentmotion.cleanup.smoothing import gaussian
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import BatchedJoints, Skeleton
 
 # Rounds of pulls.
 _ROUNDS = 10
@@ -32,11 +32,8 @@ _TRUNK = 0.1
 
 
 def constant_bones(
-    joints: Float[np.ndarray, "frames *batch joints 3"],
-    fps: float,
-    skeleton: Skeleton,
-    lengths: Lengths = None,
-) -> Float[np.ndarray, "frames *batch joints 3"]:
+    joints: BatchedJoints, fps: float, skeleton: Skeleton, lengths: Lengths = None
+) -> BatchedJoints:
     """Returns joints near the given ones whose bones have the same length in every frame.
 
     Args:

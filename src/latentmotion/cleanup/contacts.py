@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from latentmotion.arrays import Lengths, dot, length, quantile, real_frames
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import BatchedJoints, Skeleton
 
 Paths = Float[np.ndarray, "frames feet 3"]
 
@@ -49,7 +49,7 @@ class Contacts:
 
 
 def foot_contacts(
-    joints: Float[np.ndarray, "frames *batch joints 3"],
+    joints: BatchedJoints,
     fps: float,
     skeleton: Skeleton,
     settings: Contacts = Contacts(),

@@ -38,7 +38,7 @@ from latentmotion.arrays import (
 from latentmotion.cleanup.contacts import ramp, velocity
 from latentmotion.cleanup.leg_ik import find_legs, reach
 from latentmotion.cleanup.smoothing import gaussian, quintic, upper_envelope
-from latentmotion.kinematics.skeleton import Joints, Skeleton
+from latentmotion.kinematics.skeleton import BatchedJoints, Joints, Skeleton
 from latentmotion.measure.signals import spans
 
 _ARM = ("shoulder", "elbow", "wrist")
@@ -64,13 +64,13 @@ class Floor:
 
 
 def align_floor(
-    joints: Float[np.ndarray, "frames *batch joints 3"],
+    joints: BatchedJoints,
     fps: float,
     skeleton: Skeleton,
     settings: Floor = Floor(),
     on_floor: Bool[np.ndarray, "*batch"] = np.array(False),  # noqa: B008
     lengths: Lengths = None,
-) -> Float[np.ndarray, "frames *batch joints 3"]:
+) -> BatchedJoints:
     """Returns the joints, whole poses moved up or down so that they stand or lie on height 0.
 
     Args:
@@ -162,11 +162,8 @@ def find_arms(skeleton: Skeleton) -> tuple[tuple[int, int, int], ...]:
 
 
 def lift_hands(
-    joints: Float[np.ndarray, "frames *batch joints 3"],
-    fps: float,
-    skeleton: Skeleton,
-    lengths: Lengths = None,
-) -> Float[np.ndarray, "frames *batch joints 3"]:
+    joints: BatchedJoints, fps: float, skeleton: Skeleton, lengths: Lengths = None
+) -> BatchedJoints:
     """Returns the joints with no wrist below the floor at height 0."""
     arms = np.array(find_arms(skeleton), int).reshape(-1, 3)
     shoulder, elbow, wrist = (joints[..., arms[:, n], :] for n in range(3))

@@ -36,7 +36,7 @@ from latentmotion.arrays import Lengths, cross, dot, length, real_frames
 from latentmotion.cleanup.contacts import FootStances, Paths, Phase, foot_stances, ramp, velocity
 from latentmotion.cleanup.leg_ik import Leg, find_legs, keep_knee_direction, reach
 from latentmotion.cleanup.smoothing import upper_envelope
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import BatchedJoints, Skeleton
 
 Joints = Float[np.ndarray, "frames motions joints 3"]
 Shifts = Float[np.ndarray, "frames motions legs 3"]
@@ -77,13 +77,13 @@ class FootLock:
 
 
 def lock_feet(
-    joints: Float[np.ndarray, "frames *batch joints 3"],
+    joints: BatchedJoints,
     contacts: Bool[np.ndarray, "frames *batch feet"],
     fps: float,
     skeleton: Skeleton,
     settings: FootLock,
     lengths: Lengths = None,
-) -> Float[np.ndarray, "frames *batch joints 3"]:
+) -> BatchedJoints:
     """Returns the joints with feet that do not slide while they have contact.
 
     Args:

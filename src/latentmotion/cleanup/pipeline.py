@@ -25,7 +25,7 @@ from latentmotion.cleanup.loops import is_loop, rolled_up, turns_beside, unrolle
 from latentmotion.cleanup.smoothing import gaussian, settled, sharpened, steadied
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import BatchedJoints, Skeleton
 from latentmotion.language.claims import NO_CORRECTIONS, Corrections
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
@@ -303,10 +303,7 @@ def _grounded(
 
 
 def ground_path(
-    joints: Float[np.ndarray, "frames *batch joints 3"],
-    fps: float,
-    seconds: float = 0.25,
-    lengths: Lengths = None,
+    joints: BatchedJoints, fps: float, seconds: float = 0.25, lengths: Lengths = None
 ) -> Float[np.ndarray, "frames *batch 3"]:
     """Returns the root trajectory along the floor, without the sway of its steps.
 
@@ -319,9 +316,7 @@ def ground_path(
     return gaussian(joints[..., 0, :] * (1, 0, 1), seconds * fps, lengths)
 
 
-def in_place(
-    joints: Float[np.ndarray, "frames *batch joints 3"], fps: float
-) -> Float[np.ndarray, "frames *batch joints 3"]:
+def in_place(joints: BatchedJoints, fps: float) -> BatchedJoints:
     """Returns the joints without root motion: the figure stays above the origin."""
     return joints - ground_path(joints, fps)[..., None, :]
 

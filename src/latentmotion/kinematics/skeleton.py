@@ -25,6 +25,8 @@ from latentmotion.storage.limits import (
     UNPACKED_FACTOR,
 )
 
+BatchedJoints = Float[np.ndarray, "frames *batch joints 3"]  # Those of motions of one length.
+
 Joints = Float[np.ndarray, "frames joints 3"]  # Global positions of the joints of a body, meters.
 
 

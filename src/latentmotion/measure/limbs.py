@@ -16,6 +16,7 @@ from latentmotion.arrays import length, running_maximum
 from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event
 from latentmotion.measure.signals import (
     JOINT,
+    Curve,
     Signals,
     around_peak,
     bearing,
@@ -64,7 +65,7 @@ def flights_of(signals: Signals) -> list[Flight]:
     return flights
 
 
-def running_of(flights: list[Flight], signals: Signals) -> Float[np.ndarray, " frames"]:
+def running_of(flights: list[Flight], signals: Signals) -> Curve:
     """Returns 1 in frames where the gait is a jog or run, else 0.
 
     In these frames the pelvis bobs, both feet hardly ever stand, and heels swing up; or flights
@@ -83,9 +84,7 @@ def running_of(flights: list[Flight], signals: Signals) -> Float[np.ndarray, " f
     return running
 
 
-def jumps_of(
-    signals: Signals, flights: list[Flight], running: Float[np.ndarray, " frames"]
-) -> list[Event]:
+def jumps_of(signals: Signals, flights: list[Flight], running: Curve) -> list[Event]:
     """Returns jumps from both feet, hops on one, and leaps from one foot to the other."""
     jumps = []
     for flight in flights:
@@ -131,7 +130,7 @@ def _low_kicks(
     signals: Signals,
     side: str,
     away: Float[np.ndarray, "frames 3"],
-    height: Float[np.ndarray, " frames"],
+    height: Curve,
     known: list[Event],
 ) -> list[Event]:
     """Returns kicks as of a ball: the foot swings ahead low, and faster than the body moves."""
@@ -231,18 +230,18 @@ def strides_of(signals: Signals) -> list[tuple[int, int]]:
     return sorted(strides)
 
 
-def _level(low: Float[np.ndarray, " frames"]) -> Float[np.ndarray, " frames"]:
+def _level(low: Curve) -> Curve:
     """Height of the ground, which may be a stair: the lowest of the lower foot within 0.8 s."""
     return np.minimum(-_most(-low, 16), 0.6)
 
 
-def _most(curve: Float[np.ndarray, " frames"], reach: int) -> Float[np.ndarray, " frames"]:
+def _most(curve: Curve, reach: int) -> Curve:
     """Returns the maximum within `reach` frames on both sides."""
     ends = np.full(reach, -np.inf)
     return running_maximum(np.concatenate([ends, curve, ends]), 2 * reach + 1)
 
 
-def _touching(signals: Signals, level: Float[np.ndarray, " frames"], start: int, end: int) -> str:
+def _touching(signals: Signals, level: Curve, start: int, end: int) -> str:
     """Returns the foot, or both, that touches the ground in some frames."""
     height = signals.feet[max(start, 0) : end] - level[max(start, 0) : end, None]
     if not len(height):
@@ -272,9 +271,7 @@ def _jump(kind: str, flight: Flight, side: str) -> Event:
     return Event(kind, flight.start, flight.end, side, direction, flight.rise)
 
 
-def _event_at(
-    top: int, curve: Float[np.ndarray, " frames"], kind: str, side: str, direction: str
-) -> Event:
+def _event_at(top: int, curve: Curve, kind: str, side: str, direction: str) -> Event:
     """Returns the event around a peak, in which a curve stays above a third of it."""
     before, after = around_peak(curve, top, curve[top] / 3)
     return Event(kind, before + 1, after, side, direction, float(curve[top]))
@@ -414,7 +411,7 @@ def single_claps_of(signals: Signals) -> list[Event]:
     return [Event("clap", top, top + 1, BOTH) for top in tops]
 
 
-def hands_apart(signals: Signals) -> Float[np.ndarray, " frames"]:
+def hands_apart(signals: Signals) -> Curve:
     """Returns the distance of the wrists, meters."""
     between = signals.of("left_wrist") - signals.of("right_wrist")
     return smooth(length(between), 0.5)

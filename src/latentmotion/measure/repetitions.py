@@ -11,9 +11,7 @@ from jaxtyping import Float
 from latentmotion.language.claims import limits
 from latentmotion.measure import limbs, whole_body
 from latentmotion.measure.facts import BOTH, SIDES, Event
-from latentmotion.measure.signals import Signals, measure, peaks, smooth
-
-Curve = Float[np.ndarray, " frames"]
+from latentmotion.measure.signals import Curve, Signals, measure, peaks, smooth
 
 # Share of the swing of the act's repetitions by which another movement looks like one.
 _WEAK = 0.4

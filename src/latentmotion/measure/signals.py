@@ -16,6 +16,8 @@ from latentmotion.kinematics.skeleton import HUMANML3D, Joints
 from latentmotion.measure.facts import FPS, LEFT, RIGHT
 from latentmotion.representation.canonical import gaussian_smooth
 
+Curve = Float[np.ndarray, " frames"]  # A number for each frame.
+
 JOINT = {name: index for index, name in enumerate(HUMANML3D.names)}  # Index of each joint by name.
 
 STANDING = 0.92  # Meters from the floor to the pelvis of HumanML3D's body when it stands.
@@ -31,12 +33,12 @@ class Signals:
     # Joints in the body frame: x to the left, y above the floor, z ahead of the pelvis.
     local: Float[np.ndarray, "frames 22 3"]
     # Direction that the hips face, without jumps of a full turn; left is positive.
-    heading: Float[np.ndarray, " frames"]
+    heading: Curve
     # Velocity of the pelvis to its left and ahead, m/s, without the sway of single steps.
     velocity: Float[np.ndarray, "frames 2"]
-    tilt: Float[np.ndarray, " frames"]  # Degrees of the trunk away from upright.
+    tilt: Curve  # Degrees of the trunk away from upright.
     # Degrees by which the trunk leans forward; negative is backward.
-    lean: Float[np.ndarray, " frames"]
+    lean: Curve
     # Height of the lowest joint of the left and right foot above where it stands.
     feet: Float[np.ndarray, "frames 2"]
 
@@ -46,7 +48,7 @@ class Signals:
         return len(self.joints)
 
     @cached_property
-    def speed(self) -> Float[np.ndarray, " frames"]:
+    def speed(self) -> Curve:
         """Speed of the pelvis over the floor, m/s."""
         return length(self.velocity)
 
@@ -122,7 +124,7 @@ def closed_gaps(values: Bool[np.ndarray, " frames"], longest: int) -> Bool[np.nd
     return filled
 
 
-def peaks(curve: Float[np.ndarray, " frames"], least: float, drop: float) -> list[int]:
+def peaks(curve: Curve, least: float, drop: float) -> list[int]:
     """Returns the frames of maxima of at least `least` that stand out by `drop` on both sides.
 
     The first and last frame count as a fall to zero only if the curve falls there.
@@ -169,7 +171,7 @@ def without_short_intervals(
         codes[start:end] = after if before == weak else before
 
 
-def monotone_intervals(curve: Float[np.ndarray, " frames"], least: float) -> list[tuple[int, int]]:
+def monotone_intervals(curve: Curve, least: float) -> list[tuple[int, int]]:
     """Returns the first and last frame of rises and falls; turns back by `least` separate them."""
     values = curve.tolist()
     low = high = 0
@@ -202,14 +204,14 @@ def bearing(left: float, ahead: float) -> str:
     return "backward" if abs(angle) > 130 else LEFT if angle > 0 else RIGHT
 
 
-def around_peak(curve: Float[np.ndarray, " frames"], top: int, level: float) -> tuple[int, int]:
+def around_peak(curve: Curve, top: int, level: float) -> tuple[int, int]:
     """Returns the last frame before a peak, or -1, and the first after it that is below `level`."""
     low = curve < level
     before, after = np.flatnonzero(low[:top]), np.flatnonzero(low[top:])
     return int(before[-1]) if len(before) else -1, top + int(after[0]) if len(after) else len(curve)
 
 
-def valley(curve: Float[np.ndarray, " frames"], top: int) -> tuple[int, int]:
+def valley(curve: Curve, top: int) -> tuple[int, int]:
     """Returns where a curve leaves and comes back to a third of a peak, or turns up again."""
     before, end = around_peak(curve, top, 0.35 * curve[top])
     start = max(before, 0)
@@ -228,7 +230,7 @@ def smooth(curve: Float[np.ndarray, "*all"], sigma: float) -> Float[np.ndarray, 
     return flat.reshape(curve.shape)
 
 
-def bend(signals: Signals, first: str, middle: str, last: str) -> Float[np.ndarray, " frames"]:
+def bend(signals: Signals, first: str, middle: str, last: str) -> Curve:
     """Returns the angle at the middle of three joints, degrees; 180 is stretched."""
     start, two, three = (signals.joints[:, JOINT[name]] for name in (first, middle, last))
     a, b = start - two, three - two

@@ -6,12 +6,13 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from latentmotion.arrays import length
 from latentmotion.measure.facts import BOTH, FPS, LEFT, RIGHT, SIDES, Event, FloorPath, joined_moves
 from latentmotion.measure.signals import (
     JOINT,
+    Curve,
     Signals,
     bearing,
     bend,
@@ -37,9 +38,7 @@ _SHORTEST_MOVE = 8
 LEAST_TURN = 25.0  # Degrees of the smallest turn that is reported.
 
 
-def moves_of(
-    signals: Signals, running: Float[np.ndarray, " frames"], treading: list[Event]
-) -> tuple[Event, ...]:
+def moves_of(signals: Signals, running: Curve, treading: list[Event]) -> tuple[Event, ...]:
     """Divides a motion into moves.
 
     Args:

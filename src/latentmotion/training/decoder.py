@@ -14,7 +14,7 @@ from itertools import islice
 from pathlib import Path
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from latentmotion.data.dataset import Dataset
 from latentmotion.diffusion.condition import TextEncoder
@@ -24,7 +24,7 @@ from latentmotion.export.package import OF_DENOISER, check_latents, figures_of, 
 from latentmotion.model.card import ModelCard, read_card
 from latentmotion.model.config import VAEConfig
 from latentmotion.networks import checkpoint
-from latentmotion.networks.vae.interface import MotionVAE, copy_encoder, encoder_state
+from latentmotion.networks.vae.interface import Latents, MotionVAE, copy_encoder, encoder_state
 from latentmotion.representation.interface import Scale
 from latentmotion.storage.files import sha256
 from latentmotion.training.distributed import DistributedContext, StepRandomness
@@ -71,11 +71,8 @@ class DenoisedStage(VAEStage):
 
     @torch.no_grad()
     def _latents_to_decode(
-        self,
-        randomness: StepRandomness,
-        drawn: Float[torch.Tensor, "batch tokens width"],
-        mask: Bool[torch.Tensor, "batch tokens"],
-    ) -> Float[torch.Tensor, "batch tokens width"]:
+        self, randomness: StepRandomness, drawn: Latents, mask: Bool[torch.Tensor, "batch tokens"]
+    ) -> Latents:
         z0, t = self._scale.normalize(drawn.float()), self._latest * randomness.uniform()
         noise = randomness.normal(*z0.shape[1:])
         z = add_noise(z0, noise, t, self._denoiser.schedule)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.data.dataset import Crop, Cropping, Item
@@ -19,7 +19,7 @@ from latentmotion.diffusion.parametrization import Estimator, ParametrizedDenois
 from latentmotion.diffusion.samplers import Sampler, SeededNoise, sample, sampler_named
 from latentmotion.motion import Motion
 from latentmotion.networks.denoiser import DenoiserNetwork
-from latentmotion.networks.vae.interface import MotionVAE
+from latentmotion.networks.vae.interface import Latents, MotionVAE
 from latentmotion.training.denoiser_loss import denoiser_loss
 from latentmotion.training.distributed import DistributedContext, Ranks, StepRandomness
 from latentmotion.training.experiment import Experiment
@@ -63,8 +63,8 @@ def keep_crops(items: Sequence[Item], cropping: Cropping, per_item: int, seed: i
 class Posteriors:
     """Posteriors of many crops, padded to the longest."""
 
-    mean: Float[torch.Tensor, "batch tokens width"]  # Means.
-    std: Float[torch.Tensor, "batch tokens width"]  # Standard deviations.
+    mean: Latents  # Means.
+    std: Latents  # Standard deviations.
     mask: Bool[torch.Tensor, "batch tokens"]  # True on real tokens.
 
     def take(self, rows: Sequence[int], tokens: int | None = None) -> Posteriors:

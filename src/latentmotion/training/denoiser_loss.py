@@ -28,7 +28,7 @@ from latentmotion.diffusion.parametrization import (
 )
 from latentmotion.diffusion.schedule import AnySchedule, ScaledLinear, Schedule, StepCondition
 from latentmotion.errors import InputError
-from latentmotion.networks.vae.interface import mean_of_real
+from latentmotion.networks.vae.interface import Latents, mean_of_real
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ class DenoiserObjective:
 
 def denoiser_loss(
     denoiser: Denoiser,
-    z0: Float[Tensor, "batch tokens width"],
-    epsilon: Float[Tensor, "batch tokens width"],
+    z0: Latents,
+    epsilon: Latents,
     t: Float[Tensor, " batch"],
     condition: Conditioning,
     mask: Bool[Tensor, "batch tokens"],
@@ -89,8 +89,8 @@ def denoiser_loss(
 class StepBatch:
     """Steps that a student learns."""
 
-    start: Float[Tensor, "batch tokens width"]  # Latents at the start.
-    end: Float[Tensor, "batch tokens width"]  # Target: latents at the end.
+    start: Latents  # Latents at the start.
+    end: Latents  # Target: latents at the end.
     times: tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]  # Times of start and end.
     condition: Conditioning  # Condition of the motions.
     mask: Bool[Tensor, "batch tokens"]  # True on real tokens.
@@ -124,12 +124,12 @@ def step_loss(
 
 
 def between(
-    start: Float[Tensor, "batch tokens width"],
-    end: Float[Tensor, "batch tokens width"],
+    start: Latents,
+    end: Latents,
     t: Float[Tensor, " batch"],
     s: Float[Tensor, " batch"],
     schedule: Schedule,
-) -> tuple[Float[Tensor, "batch tokens width"], Float[Tensor, "batch tokens width"]]:
+) -> tuple[Latents, Latents]:
     """Returns the (z_0, epsilon) with which one step of DDIM leads from `start` to `end`.
 
     They solve α_t z_0 + σ_t ε = start and α_s z_0 + σ_s ε = end.

@@ -17,7 +17,7 @@ from latentmotion.errors import DataError
 from latentmotion.evaluation.metrics import mpjpe
 from latentmotion.kinematics.smpl import SkinnedBody
 from latentmotion.motion import Motion
-from latentmotion.networks.vae.interface import MotionVAE, vae_losses
+from latentmotion.networks.vae.interface import Latents, MotionVAE, vae_losses
 from latentmotion.representation.interface import Normalizer
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.training.distributed import DistributedContext, StepRandomness
@@ -172,11 +172,8 @@ class VAEStage(Stage[MotionVAE]):
         )
 
     def _latents_to_decode(
-        self,
-        randomness: StepRandomness,
-        drawn: Float[torch.Tensor, "batch tokens width"],
-        mask: Bool[torch.Tensor, "batch tokens"],
-    ) -> Float[torch.Tensor, "batch tokens width"]:
+        self, randomness: StepRandomness, drawn: Latents, mask: Bool[torch.Tensor, "batch tokens"]
+    ) -> Latents:
         """Returns the latents that the decoder learns from: those that were drawn."""
         return drawn
 
