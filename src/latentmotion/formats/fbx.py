@@ -33,6 +33,8 @@ _MOST_SECONDS = 600
 # 0.1 mm or less, and connected bones keep one length in all takes, whatever the file says.
 _MISS = 3e-4
 
+_PLACES = reading.packaged_toml(__file__, "blender.toml")  # Usual paths of Blender, by system.
+
 
 def write(path: str | Path, motions: Sequence[Motion]) -> list[Path]:
     """Writes one figure with one take per motion.
@@ -155,8 +157,7 @@ def find_blender() -> Path:
     on_path = shutil.which("blender")
     if on_path is not None:
         return Path(on_path)
-    places = reading.packaged_toml(__file__, "blender.toml")
-    patterns = places.get(sys.platform, places["linux"])
+    patterns = _PLACES.get(sys.platform, _PLACES["linux"])
     for pattern in map(Path, patterns):
         pattern = pattern.expanduser()
         paths = Path(pattern.anchor).glob(str(pattern.relative_to(pattern.anchor)))
