@@ -21,7 +21,7 @@ from latentmotion.retrieval.index import (
     ClipIndex,
     IndexedCaption,
     IndexedClip,
-    MovementClassifier,
+    SentenceClassifier,
     index_file,
     quantized,
     read_index,
@@ -135,13 +135,15 @@ def test_a_wording_of_a_recording_has_to_be_clearly_nearer_than_one_of_a_drawn_c
     assert index.support(np.array([[0.8, 0.79, 0]]), margin=0.1) == DRAWN
 
 
-def test_a_regression_of_movements_is_written_and_joined(tmp_path):
+def test_classifiers_of_sentences_are_written_and_joined(tmp_path):
     index = index_of([("a wave", 0), ("a bow", 1)], [[1, 0], [0, 1]])
     matrices = np.array([[1.0, 0.5], [0, 1]], np.float32), 9 * np.eye(2, dtype=np.float32)
-    classifier = MovementClassifier(
+    classifier = SentenceClassifier(
         *matrices, np.array([0, 0.5], np.float32), np.array([1, 0], np.int32)
     )
-    index = replace(index, classifier=classifier)
+    assert index.outside_kind(np.array([[1.0, 0]])) == (-1, 0)
+    outside = replace(classifier, labels=np.array([-1, 3], np.int32))
+    index = replace(index, classifier=classifier, outside=outside)
     index.write(tmp_path / MOVES_FILE)
     again = read_index(tmp_path / MOVES_FILE)
     for sentence in ([[1.0, 0]], [[0.1, 1]]):
@@ -155,8 +157,12 @@ def test_a_regression_of_movements_is_written_and_joined(tmp_path):
     assert taught.classified(np.array([[1.0, 0]])) is None
     for both in (taught.joined(index), index.joined(taught)):
         assert both.classified(np.array([[1.0, 0]])).caption.text == "a bow"
+        assert both.outside is outside
+    for sentence, probable in (([[1.0, 0]], False), ([[0, 1.0]], True)):
+        kind, probability = again.outside_kind(np.array(sentence))
+        assert (kind, probability > 0.5) == (3, probable)
     with pytest.raises(InputError, match="do not fit"):
-        replace(index, classifier=replace(classifier, captions=np.array([1, 2], np.int32)))
+        replace(index, classifier=replace(classifier, labels=np.array([1, 2], np.int32)))
 
 
 def test_an_index_along_few_directions_is_joined_with_one_along_all():
@@ -192,7 +198,7 @@ def test_damaged_files_are_refused(tmp_path, damage):
         index.write(path)
     if damage == "cut":
         path.write_bytes(path.read_bytes()[:-40])
-    changes = {"other": (b"moves 3", b"moves 9"), "outside": (b"],[0,4],[4,6]", b"],[9,4],[4,6]")}
+    changes = {"other": (b"moves 4", b"moves 9"), "outside": (b"],[0,4],[4,6]", b"],[9,4],[4,6]")}
     if damage in changes:
         content = zlib.decompress(path.read_bytes())
         assert changes[damage][0] in content

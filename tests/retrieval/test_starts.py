@@ -69,7 +69,7 @@ def test_other_words_are_no_start(fast, sentence):
         ("both hands on hips, elbows out", "both hands on the hips"),
         ("cartwheel to the left", "cartwheel"),
         ("walks in place", "in place"),  # "walks like he owns the place"
-        ("marching on the spot", "marching in place"),  # soldiers march on
+        ("marching on the spot", "marches in place"),  # soldiers march on
         ("lean to the left as far as possible", "lean to the right"),  # mirrored
         ("kneels on both knees, hands folded", "both knees"),  # "kneeling on one knee"
         ("sneaking on tiptoes, really exaggerated, cartoon style", "sneaks on tiptoes"),
@@ -92,7 +92,7 @@ def test_who_spins_does_not_spin_on_the_back(fast):
         ("bows to the queen", "bows"),  # "bow and arrow" is nearer
         ("get down on both knees", "down on both knees"),  # "both hands on the knees"
         ("plops down on a bench", "plops down"),  # "bench presses"
-        ("swing a katana", "cut with a katana"),  # "pulls out the katana"
+        ("swing a katana", "slashes with a sword"),  # "pulls out the katana"
         ("combs her hair in front of a mirror", "combs"),  # "shaves in front of a mirror"
     ],
 )
@@ -117,7 +117,7 @@ def test_what_nothing_is_near_is_doubted_and_made_as_what_is_nearest(fast, sente
 @pytest.mark.parametrize(
     ("sentence", "name"),
     [
-        ("tiger woods on the first hole", "a person swings a golf club"),
+        ("tiger woods on the first tee", "a golfer hits the ball and watches it fly"),
         ("an olympian heaves the iron ball from the shoulder", "a person puts the shot"),
         ("the maestro leads the symphony", "a person conducts an orchestra"),
         ("tiptoe so nobody wakes up", "a person tiptoes"),  # certainly, though it claims a gait
@@ -263,7 +263,7 @@ def test_movements_in_a_row_start_from_a_clip_each(fast, joint):
         ("slips on a banana peel and falls", ["slips on a banana peel"]),
         ("he walks after waving", ["waves", None]),  # not at once
         ("before sitting down he waves", ["waves", "sits down"]),
-        ("raises the left arm, then the right arm", ["raise the", "raise the"]),
+        ("raises the left arm, then the right arm", ["raises the", "raises the"]),
         ("first the right arm goes up, then the left arm", ["right arm goes up"] * 2),
         ("two jabs and a cross, then bows", ["jabs followed by a cross", "bows"]),
         ("opens the door, bends to look inside, and closes it again", ["door", "bends"]),
@@ -374,7 +374,9 @@ def test_values_of_from_clips_are_counted(fast):
         ("a person plays the didgeridoo", "didgeridoo"),
         ("a dog runs", "dog"),
         ("wiggle your fingers", "fingers"),
-        ("the economy is growing", "economy"),
+        ("the economy is growing", "the economy is growing"),
+        ("three apples", "three apples"),
+        ("a giraffe nibbles leaves", "a giraffe nibbles leaves"),
         ("a person walks forward, then plays chess", "chess"),
     ],
 )
@@ -571,7 +573,7 @@ def test_a_movement_that_both_sides_show_starts_from_no_mirror_image(fast, side)
 @pytest.mark.parametrize(
     ("sentence", "says"),
     [
-        ("gets slapped in the face", "gets slapped"),  # "slaps somebody in the face"
+        ("gets slapped in the face", "gets hit in the face"),  # "slaps somebody in the face"
         ("is kicked in the shin", "is kicked in the gut"),
         ("is hit by a ball", "is knocked back"),  # "hits the ball with a bat"
         ("a man is pushed to the ground", "gets pushed"),

@@ -8,7 +8,7 @@ is another one; or a word names what is never moved (`outside.toml`).
 Wordings: each movement that people say otherwise than captions do is read as the caption whose
 wording is nearest (`wordings.py`).
 
-Classes: a softmax regression tells which drawn movement a sentence names (`index.py`); where it is
+Classes: classifiers (`index.py`) tell which drawn movement a sentence names; where that is
 sure, the sentence is read so, and where nothing is near, as what is likeliest.
 
 Fit: how well a drawn clip shows what a sentence asks for. Captions of drawn clips are short, so
@@ -32,7 +32,7 @@ from jaxtyping import Float
 from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.encoder import pieces
 from latentmotion.language.acts import lookups, of_a_person
-from latentmotion.language.claims import NO_CORRECTIONS, mirror_words
+from latentmotion.language.claims import NO_CORRECTIONS, kinds, mirror_words
 from latentmotion.language.reading import (
     affirmed,
     asked_exactly,
@@ -42,6 +42,7 @@ from latentmotion.language.reading import (
 )
 from latentmotion.language.words import (
     ENDINGS,
+    at_once,
     clauses_of,
     content_words,
     listed,
@@ -105,8 +106,13 @@ SAME_WORDING = 0.8
 # which one of its clauses names another, or it is the best guess.
 SURE, LIKELY = 0.5, 0.3
 
-# The same where the sentence claims something, but no count and no angle.
-CERTAIN = 0.85
+# The same of a sentence that claims something, but no count, no angle and no side that the movement
+# does not name; and of one that does name a side, is a part of another, or has further clauses.
+CLAIMED, CERTAIN = 0.6, 0.85
+
+# Probability from which a sentence asks for what no body can do, and the same where it certainly
+# names a drawn movement, or claims something.
+OUTSIDE, SURELY_OUTSIDE = 0.5, 0.7
 
 # Weights of the mean cosine of all captions of a clip, and of the share of a sentence's words that
 # they have, beside the cosine of the nearest. Of 4,393 captions of drawn clips, left out one at a
@@ -210,7 +216,7 @@ class SentenceReader:
         ordered = said if shown else told_in_order(said)
         parts = [] if shown else parts_of(ordered)
         captions = [
-            None if number and refers_back(part) else self._caption(part)
+            None if number and refers_back(part) else self._caption(part, len(parts) == 1)
             for number, part in enumerate(parts)
         ]
         read_as = ", then ".join(
@@ -224,7 +230,7 @@ class SentenceReader:
             read_as if any(captions) else None,
         )
 
-    def _caption(self, sentence: str) -> str | None:
+    def _caption(self, sentence: str, whole: bool) -> str | None:
         """Returns a movement in words that the denoiser learned; None where its own are near them.
 
         What people say otherwise than captions do becomes the caption whose wording is nearest, or
@@ -242,7 +248,12 @@ class SentenceReader:
         movement = self._classified(sentence)
         if claims:
             exact = asked_exactly(sentence, any_length=True) != NO_CORRECTIONS
-            certain = movement is not None and movement.probability >= CERTAIN and not exact
+            named = request_of(movement.caption.text).claims if movement else ()
+            sided = {claim.side for claim in claims} <= {"", *(claim.side for claim in named)}
+            gaits = {claim.kind for claim in claims if claim.kind in kinds("base")}
+            gestures = at_once(sentence) and gaits - {claim.kind for claim in named}
+            least = CLAIMED if whole and sided and not gestures else CERTAIN
+            certain = movement is not None and movement.probability >= least and not exact
             if not (certain or same):
                 return None
             movement = movement if certain else None
@@ -257,14 +268,13 @@ class SentenceReader:
         drawn = ABOUT if near.caption.support <= RARE else NEARER
         farther = {SHOWN: 1.0, DRAWN: drawn}.get(literal.caption.support, 0.0)
         single = len(clauses_of(sentence, self.is_word)) == 1
-        itself = literal.caption.clip == (movement and movement.caption.clip) and single
         own = (
             literal.caption.support <= SHOWN
             and literal.caption.clip not in self.index.classified_clips
         )
         if own and literal.is_near:
             return None
-        if literal.cosine >= (NEAR_CAPTION if itself else SAME_SENTENCE):
+        if literal.cosine >= SAME_SENTENCE:
             return None
         said = near.caption.support == SHOWN or near.cosine >= SAME_SENTENCE
         if movement and movement.probability >= SURE and not said:
@@ -279,11 +289,12 @@ class SentenceReader:
         ):
             return None
         caption, asked = near.caption.text, named_sides(sentence)
-        if near.mirrored if isinstance(near, Neighbor) else asked != named_sides(caption):
+        if near.mirrored if isinstance(near, Neighbor) else asked and asked != named_sides(caption):
             caption = mirror_words(caption)
-        if (asked and asked != named_sides(caption)) or (
-            suffered(sentence) and not suffered(caption)
-        ):
+        other = asked and asked != named_sides(caption)
+        if near is movement and not named_sides(caption):
+            other = len(asked) == 1  # "looks left and right" has no side
+        if other or (suffered(sentence) and not suffered(caption)):
             return None
         return caption
 
@@ -294,7 +305,7 @@ class SentenceReader:
         """
         movement = self.index.classified(self._sides(sentence))
         clauses = clauses_of(sentence, self.is_word)
-        if not movement or len(clauses) == 1:
+        if not movement or movement.probability >= CERTAIN or len(clauses) == 1:
             return movement
         parts = [self.index.classified(self._sides(clause)) for clause in clauses]
         others = [part for part in parts if part and part.caption.clip != movement.caption.clip]
@@ -329,12 +340,13 @@ class SentenceReader:
     def doubt(self, sentence: str) -> Doubt | None:
         """Returns what the model knows least of a sentence, None if it knows all."""
         text, outside = f" {' '.join(words_of(sentence))} ", ""
-        for phrase in _outside_kinds():  # the first words of what is never moved
+        for phrase in _outside_words():  # the first words of what is never moved
             head, hit, _ = text.partition(f" {phrase} ")
             if hit and "like" not in head.split()[-3:]:
                 outside = phrase
                 break
-        for number, part in enumerate(parts_of(sentence)):
+        parts = parts_of(sentence)
+        for number, part in enumerate(parts):
             sides = [part, of_a_person(part)]
             if not listed("repetition").isdisjoint(words_of(part)):
                 sides.append(uncounted(part))  # "claps twice" is known where "claps" is
@@ -344,14 +356,21 @@ class SentenceReader:
             movement = None if request_of(part).claims else self._classified(part)
             caption = _likeliest(movement, neighbor, wording).caption.text
             near = neighbor.cosine >= NEAR_ENOUGH
-            shown = near and outside in caption.lower()
-            if outside and outside in part.lower() and not shown:
-                return Doubt(outside, _outside_kinds()[outside], caption)
+            if outside and outside in part.lower():
+                by_word = _outside_words()[outside]
+                if by_word.get("never") or not (near and outside in neighbor.caption.text.lower()):
+                    return Doubt(outside, by_word["says"], caption)
             words = words_of(part)
             unheard = sum(not self._is_known(word) for word in words)
             if unheard > 1 and 2 * unheard > len(words):  # another language
                 return Doubt(part.strip(), "captions have few of its words", caption)
             surely = movement is not None and movement.probability >= SURE
+            kind, probability = self.index.outside_kind(vectors)
+            certain = movement is not None and movement.probability >= CERTAIN
+            least = SURELY_OUTSIDE if certain or request_of(part).claims else OUTSIDE
+            alone = len(parts) == 1 and neighbor.cosine < SAME_SENTENCE
+            if alone and probability >= least:
+                return Doubt(part.strip(), outside_kinds()[kind]["says"], caption)
             if near or surely or wording.cosine >= SAID_OTHERWISE:
                 continue
             word = self._foreign_word(part)
@@ -438,9 +457,14 @@ def _likeliest(
 
 
 @cache
-def _outside_kinds() -> Mapping[str, str]:
-    kinds = tomllib.loads(Path(__file__).with_name("outside.toml").read_text(encoding="utf-8"))
-    return {word: kind["says"] for kind in kinds["kind"] for word in kind["words"]}
+def outside_kinds() -> Sequence[Mapping[str, Any]]:
+    """Returns the kinds of what no body can do: name, words, and what to say."""
+    return tomllib.loads(Path(__file__).with_name("outside.toml").read_text("utf-8"))["kind"]
+
+
+@cache
+def _outside_words() -> Mapping[str, Mapping[str, Any]]:
+    return {word: kind for kind in outside_kinds() for word in kind["words"]}
 
 
 def _fit(
