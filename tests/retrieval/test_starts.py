@@ -55,12 +55,8 @@ def test_a_drawn_movement_is_started_from_where_its_words_are_said(fast, sentenc
     assert word in choice.neighbors[0].caption.text
 
 
-@pytest.mark.parametrize(
-    "sentence",
-    ["pick something up while walking", "rotate rightward"],
-)
-def test_other_words_are_no_start(fast, sentence):
-    assert fast.clip_starts.chooser.choices(fast.read(sentence)) == []
+def test_other_words_are_no_start(fast):
+    assert fast.clip_starts.chooser.choices(fast.read("pick something up while walking")) == []
 
 
 @pytest.mark.parametrize(
@@ -73,6 +69,7 @@ def test_other_words_are_no_start(fast, sentence):
         ("lean to the left as far as possible", "lean to the right"),  # mirrored
         ("kneels on both knees, hands folded", "both knees"),  # "kneeling on one knee"
         ("sneaking on tiptoes, really exaggerated, cartoon style", "sneaks on tiptoes"),
+        ("rotate rightward", "rotates to the right"),  # "rotates the torso to the right"
     ],
 )
 def test_how_and_where_a_movement_is_done_does_not_hide_it(fast, sentence, says):
@@ -174,7 +171,7 @@ def test_a_clip_is_slowed_down_for_who_is_slow(fast):
 def test_the_other_side_of_a_drawn_movement_is_its_mirror_image(fast, side, mirrored):
     """The nearest caption is of the right leg, whichever side the sentence names."""
     [choice] = fast.clip_starts.chooser.choices(fast.read(f"kick with the {side} leg"))
-    assert choice.neighbors[0].caption.text == "front kick with the right leg"
+    assert "with the right leg" in choice.neighbors[0].caption.text
     assert choice.neighbors[0].mirrored is mirrored
 
 
@@ -258,6 +255,7 @@ def test_movements_in_a_row_start_from_a_clip_each(fast, joint):
             "tosses the ball up and serves",
             ["tosses the ball and serves"],
         ),  # a caption tells of both
+        ("walks forward, then turns around and walks back", ["turns around and walks back"]),
         ("nearly falls, catches himself", ["catches himself"]),
         ("a guard marches and salutes", ["marches", "salute"]),  # not a hand that stops someone
         ("slips on a banana peel and falls", ["slips on a banana peel"]),

@@ -122,7 +122,7 @@ def without_negated(tokens: Sequence[Token]) -> list[Token]:
             remaining.append(tokens[at])
             at += 1
             continue
-        while remaining and remaining[-1].text in listed("modal") | {"or", "to"}:
+        while remaining and remaining[-1].text in listed("modal") | {"or", "to", "with"}:
             remaining.pop()
         at = _end(tokens, at)
     return remaining

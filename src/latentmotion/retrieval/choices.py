@@ -368,12 +368,19 @@ class Chooser(SentenceReader):
         return all(words & (other_forms(verb) | {verb}) for verb in verbs)
 
     def _in_order(self, caption: str, clauses: Sequence[str]) -> bool:
-        """Whether a caption has those verbs of clauses that it has in the order of the clauses."""
-        words, verbs = words_of(caption), [verb_of(clause, self.is_word) for clause in clauses]
-        forms = [other_forms(verb) | {verb} for verb in verbs]
-        places = [[n for n, word in enumerate(words) if word in verb] for verb in forms]
-        first = [min(numbers) for numbers in places if numbers]
-        return first == sorted(first)
+        """Whether a caption has those verbs of clauses that it has in the order of the clauses.
+
+        A verb may return: "walks forward, turns around and walks back".
+        """
+        words, place = words_of(caption), 0
+        for clause in clauses:
+            verb = verb_of(clause, self.is_word)
+            forms = other_forms(verb) | {verb}
+            places = [n for n, word in enumerate(words) if word in forms]
+            if places and places[-1] < place:
+                return False
+            place = next((n for n in places if n >= place), place)
+        return True
 
     def _claims_of(self, neighbor: Neighbor) -> frozenset[str]:
         """Returns the kinds of what the captions of a clip tell of that can be measured."""
