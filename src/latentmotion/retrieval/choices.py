@@ -17,7 +17,7 @@ import numpy as np
 
 from latentmotion.arrays import unit
 from latentmotion.language.acts import lookups
-from latentmotion.language.claims import NO_CORRECTIONS, Claim, data, kinds
+from latentmotion.language.claims import NO_CORRECTIONS, Claim, data, kinds, mirror_words
 from latentmotion.language.reading import asked_exactly, request_of
 from latentmotion.language.words import (
     at_once,
@@ -130,7 +130,8 @@ class Chooser(SentenceReader):
         if len(movements) == 1:
             choice = self._rare(movements[0], reading, reading.sentence)
             choice = choice or self._headed(reading.sentence)
-            return [choice] if choice else []
+            # What was typed may say how fast, which a caption does not.
+            return [replace(choice, sentence=reading.sentence)] if choice else []
         # Few words about what is before them ("lower it") are near a clip by chance.
         movements = [
             choice
@@ -254,7 +255,7 @@ class Chooser(SentenceReader):
         shown = whole[1].neighbors[0].caption.support == SHOWN
         if shown or self._tells(whole, spans):
             return [whole[1]]
-        text = said.caption.text if said else ""
+        text = _text_of(said) if said else ""
         if said and _in_turn(text, sentence, done) and self._names([text], done):
             return [Choice((said,), DRAWN, sentence)]
         while len(spans) > 2:
@@ -270,10 +271,10 @@ class Chooser(SentenceReader):
     def _tells(self, span: Span, parts: Sequence[Span]) -> bool:
         """Whether the caption nearest to a span of clauses tells of all of them."""
         clauses, choice = span
-        caption = choice.neighbors[0].caption
-        if any(map(_gaits_of, clauses)) and not _gaits_of(caption.text):
+        caption, text = choice.neighbors[0].caption, _text_of(choice.neighbors[0])
+        if any(map(_gaits_of, clauses)) and not _gaits_of(text):
             return False  # "walks to the window and looks out" is no look through one
-        if not _in_turn(caption.text, choice.sentence, clauses):
+        if not _in_turn(text, choice.sentence, clauses):
             return False
         if caption.support == DRAWN:
             texts = self.index.texts_of(caption.clip)
@@ -281,7 +282,7 @@ class Chooser(SentenceReader):
                 choice.support == DRAWN
                 and choice.neighbors[0].is_near
                 and self._names(texts, clauses)
-                and self._in_order(caption.text, clauses)
+                and self._in_order(text, clauses)
             )
         if choice.support > RARE and len(named_sides(" ".join(clauses))) > 1:
             return False  # noise mixes sides up
@@ -439,6 +440,12 @@ class Chooser(SentenceReader):
         texts = [caption.text] if named_sides(caption.text) else self.index.texts_of(caption.clip)
         shown = set().union(*(sides for sides in map(named_sides, texts) if len(sides) == 1))
         return replace(neighbor, mirrored=named != shown) if len(shown) == 1 else neighbor
+
+
+def _text_of(neighbor: Neighbor) -> str:
+    """Returns the caption of a clip, of a mirrored one with its sides exchanged."""
+    text = neighbor.caption.text
+    return mirror_words(text) if neighbor.mirrored else text
 
 
 def _in_turn(caption: str, sentence: str, clauses: Sequence[str]) -> bool:
