@@ -279,7 +279,7 @@ class SentenceReader:
         said = near.caption.support == SHOWN or near.cosine >= SAME_SENTENCE
         if movement and movement.probability >= SURE and not said:
             near = movement
-        elif (movement or single) and self._is_far(sentence, literal, sides):
+        elif (movement or single) and not said and self._is_far(sentence, literal, sides):
             # What nothing is near is read as what it likeliest names, and doubted.
             near = _likeliest(movement, near, literal)
         elif (
