@@ -262,6 +262,7 @@ class SentenceReader:
             key=lambda neighbor: neighbor.cosine,
         )
         common = near.caption.support > OFTEN
+        same = same or near.cosine >= max(SAME_WORDING, literal.cosine + RECORDING_MARGIN)
         # A clip was shown for this movement, so it is meant, however well others fit; one that was
         # drawn has short sentences, which are less near than wordings, and shows the movement where
         # the wording's caption is too common for a start from its clip.
