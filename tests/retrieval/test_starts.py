@@ -52,7 +52,12 @@ def test_who_does_it_does_not_hide_what_is_done(fast):
 )
 def test_a_drawn_movement_is_started_from_where_its_words_are_said(fast, sentence, word):
     (choice,) = fast.clip_starts.chooser.choices(fast.read(sentence))
-    assert word in choice.neighbors[0].caption.text
+    assert word in captions_of_start(fast, choice)
+
+
+def captions_of_start(fast, choice):
+    """All captions of the clip that a movement starts from."""
+    return "; ".join(fast.clip_starts.chooser.index.texts_of(choice.neighbors[0].caption.clip))
 
 
 def test_other_words_are_no_start(fast):
@@ -74,8 +79,7 @@ def test_other_words_are_no_start(fast):
 )
 def test_how_and_where_a_movement_is_done_does_not_hide_it(fast, sentence, says):
     choices = fast.clip_starts.chooser.choices(fast.read(sentence))
-    texts = [choice.neighbors[0].caption.text for choice in choices]
-    assert not texts if says is None else says in texts[0]
+    assert says in captions_of_start(fast, choices[0])
 
 
 def test_who_spins_does_not_spin_on_the_back(fast):
@@ -95,7 +99,7 @@ def test_who_spins_does_not_spin_on_the_back(fast):
 )
 def test_all_captions_of_a_drawn_clip_decide(fast, sentence, says):
     (choice,) = fast.clip_starts.chooser.choices(fast.read(sentence))
-    assert says in choice.neighbors[0].caption.text
+    assert says in captions_of_start(fast, choice)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +118,7 @@ def test_what_nothing_is_near_is_doubted_and_made_as_what_is_nearest(fast, sente
 @pytest.mark.parametrize(
     ("sentence", "name"),
     [
-        ("tiger woods on the first tee", "a golfer hits the ball and watches it fly"),
+        ("serena aces with a booming serve", "a person serves in tennis"),
         ("an olympian heaves the iron ball from the shoulder", "a person puts the shot"),
         ("the maestro leads the symphony", "a person conducts an orchestra"),
         ("tiptoe so nobody wakes up", "a person tiptoes"),  # certainly, though it claims a gait
