@@ -277,11 +277,12 @@ class SentenceReader:
             return None
         if literal.cosine >= SAME_SENTENCE:
             return None
-        # A wording of another movement says the sentence only where the classifier is not certain.
-        least = CERTAIN if near.cosine >= SAME_SENTENCE else SURE
-        if movement and movement.probability >= least and near.caption.support != SHOWN:
+        shown, said = near.caption.support == SHOWN, near.cosine >= SAME_SENTENCE
+        if movement and movement.probability >= (CERTAIN if said else SURE) and not shown:
             near = movement
-        elif (movement or single) and not said and self._is_far(sentence, literal, sides):
+        elif (
+            (movement or single) and not (said or shown) and self._is_far(sentence, literal, sides)
+        ):
             # What nothing is near is read as what it likeliest names, and doubted.
             near = _likeliest(movement, near, literal)
         elif (
