@@ -18,7 +18,7 @@ from latentmotion.reproduce.runner import TableRunner, interval, join_runs, join
 from latentmotion.reproduce.table import TABLES, rows_named
 from latentmotion.reproduce.workspace import Workspace, training_cost
 from latentmotion.storage.configuration import read_json, write_json
-from latentmotion.training.run_folder import Run, read_run
+from latentmotion.training.run_folder import read_run
 from tests.reproduce.test_experiments import PROTOCOL, TINY, Means, workspace_of
 from tests.support.moving_figures import write_moving_figures
 
@@ -66,7 +66,7 @@ def test_baselines_are_trained_as_much_as_mld(dataset: Dataset, tmp_path: Path) 
     page = runner.run(rows_named(QUALITY, ["z0", *columns])).read_text(encoding="utf-8")
     figures = {row.row: row.figures for row in runner.measured_rows().rows}
     for name, column in columns.items():
-        run = read_run(Run, work.folder / rows_named(QUALITY, [name])[0].model / "denoiser")
+        run = read_run(work.folder / rows_named(QUALITY, [name])[0].model / "denoiser")
         steps = run.experiment.denoiser_training.steps
         mld = figures["z0"][column][0]
         assert mld is not None

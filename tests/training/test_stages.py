@@ -23,7 +23,7 @@ from latentmotion.networks.checkpoint import build, load_model, load_stages
 from latentmotion.storage.configuration import read_json, write_json
 from latentmotion.training.distributed import DistributedContext, Ranks, distributed_context
 from latentmotion.training.experiment import PRESETS, Experiment, preset_named, with_changes
-from latentmotion.training.run_folder import Previews, Run, read_journal, read_run
+from latentmotion.training.run_folder import Previews, read_journal, read_run
 from latentmotion.training.stages import train_denoiser, train_vae, with_networks_of
 from latentmotion.training.vae import VAEStage
 from tests.support.moving_figures import write_moving_figures
@@ -428,4 +428,4 @@ def test_a_run_of_another_version_is_refused(vae_run: Path, tmp_path: Path, vers
     data = json.loads((vae_run / "experiment.json").read_text())
     (tmp_path / "experiment.json").write_text(json.dumps(data | {"format": version}))
     with pytest.raises(InputError, match=f"format {version}, expected 2; update latentmotion"):
-        read_run(Run, tmp_path)
+        read_run(tmp_path)

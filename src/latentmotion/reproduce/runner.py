@@ -42,7 +42,7 @@ from latentmotion.reproduce.workspace import Workspace, training_cost, vae_cost
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import sha256, write_file
 from latentmotion.training.loop import read_progress
-from latentmotion.training.run_folder import Run, read_run
+from latentmotion.training.run_folder import read_run
 from latentmotion.training.stages import frames_as_first_stage
 
 SLOW = 1000  # Sampling steps from which a row has fewer replications.
@@ -260,13 +260,13 @@ class TableRunner:
                 "stage 1 compares joints where the paper compares SMPL's vertices: no --body"
             )
         if model.equal:
-            steps = read_run(Run, folder.parent).experiment.denoiser_training.steps
+            steps = read_run(folder.parent).experiment.denoiser_training.steps
             warnings.append(
                 f"trained for {steps:,} steps, as many {model.equal} as both stages of MLD-1 of z₀"
             )
         vae = self.work.run_folders(row.model)[0] if self.work.vaes and not model.shipped else None
         if vae:
-            training = read_run(Run, vae).experiment.vae_training
+            training = read_run(vae).experiment.vae_training
             steps = read_progress(vae).step or training.steps
             recipe = f"{steps:,} steps of {training.batch_size}, {training.schedule} rate"
             warnings.append(f"its VAE was taken as it was: {recipe}")

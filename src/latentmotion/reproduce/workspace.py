@@ -41,7 +41,7 @@ from latentmotion.storage.configuration import to_json
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import Experiment, differing_keys
 from latentmotion.training.loop import kept_weights, read_progress
-from latentmotion.training.run_folder import MODEL, Run, read_run
+from latentmotion.training.run_folder import MODEL, read_run
 from latentmotion.training.stages import train_denoiser, train_vae
 from latentmotion.training.task_conditions import task_conditioning, with_condition_width
 
@@ -174,7 +174,7 @@ class Workspace:
                 f"{folder} holds no trained VAE; train it by latentmotion experiment run vae "
                 f"--rows {name} -o {self.vaes}, or leave out --vaes"
             )
-        run = read_run(Run, folder)
+        run = read_run(folder)
         if run.data != self.dataset.fingerprint:
             raise InputError(
                 f"{folder} was trained on other data than {self.dataset.folder}; leave out --vaes"
@@ -184,7 +184,7 @@ class Workspace:
     def _is_trained(self, folder: Path, wanted: Experiment, parts: Sequence[str]) -> bool:
         if not (folder / MODEL / CARD_FILE).is_file():
             return False
-        run = read_run(Run, folder)
+        run = read_run(folder)
         differing = [] if run.data == self.dataset.fingerprint else ["data"]
         for part in parts:
             # Through text, as the run folder's settings went: tuples become lists.
@@ -284,7 +284,7 @@ def equal_steps(quantity: Quantity, vae: Path, planned: Experiment, other: Exper
 
 
 def _run_cost(folder: Path, step: Step) -> dict[Quantity, int]:
-    return _cost(read_run(Run, folder).experiment, step, read_progress(folder).step)
+    return _cost(read_run(folder).experiment, step, read_progress(folder).step)
 
 
 def _cost(experiment: Experiment, step: Step, steps: int = 0) -> dict[Quantity, int]:

@@ -152,15 +152,6 @@ def best_loss(path: Path) -> float:
 BEST = "best.safetensors"  # File in a run folder with the weights that were best on the val split.
 
 
-@dataclass(frozen=True)
-class ClassifierRun:
-    """Settings that the run folder of a classifier was made with."""
-
-    stage: str  # `classifier`.
-    data: str  # Fingerprint of the prepared data.
-    experiment: ClassifierExperiment  # Everything else that decides what the run yields.
-
-
 def train_classifier(
     experiment: ClassifierExperiment, data: Path, folder: Path, context: DistributedContext
 ) -> Path:
@@ -184,7 +175,8 @@ def train_classifier(
     )
     sizes = {"features": dataset.representation.width, "labels": len(labels)}
     experiment = replace(experiment, network=replace(experiment.network, **sizes))
-    open_run(folder, ClassifierRun("classifier", dataset.fingerprint, experiment), context)
+    run = {"kind": "ClassifierRun", "stage": "classifier", "data": dataset.fingerprint}
+    open_run(folder, {**run, "experiment": experiment}, context)
     torch.manual_seed(experiment.training.seed)
     learned, held_out = (labelled(dataset, part, labels) for part in ("train", "val"))
     memory = FeatureCache(dataset, [*learned, *held_out], normalizer)

@@ -228,16 +228,6 @@ def _describes(spans: Sequence[tuple[int, int]], crop: Crop) -> bool:
     return any(2 * both > max(crop.frames, min(span, LONGEST)) for both, span in shared)
 
 
-@dataclass(frozen=True)
-class EvaluatorRun:
-    """Settings that a run folder was made with."""
-
-    data: str  # Fingerprint of the prepared data.
-    words: str  # Name of the word vectors.
-    experiment: EvaluatorExperiment  # Everything else that decides what the run yields.
-    stage: str = "evaluator"  # Settings that distinguish it from other runs.
-
-
 def train_evaluator(
     experiment: EvaluatorExperiment,
     data: Path,
@@ -263,7 +253,8 @@ def train_evaluator(
     dataset, settings = Dataset.load(data), experiment.training
     fitted = fit_to(experiment.networks, dataset, vectors)
     experiment = replace(experiment, networks=fitted)
-    open_run(folder, EvaluatorRun(dataset.fingerprint, vectors.name, experiment), context)
+    run = {"kind": "EvaluatorRun", "stage": "evaluator", "data": dataset.fingerprint}
+    open_run(folder, {**run, "words": vectors.name, "experiment": experiment}, context)
     torch.manual_seed(settings.seed)
     stage = EvaluatorStage(fitted.build(), vectors, dataset, experiment, context)
     networks, seconds = train(stage, settings, folder, context)

@@ -67,15 +67,6 @@ class FineTuning:
     few_steps: bool = True  # Whether the result is distilled to few steps, as the default model is.
 
 
-@dataclass(frozen=True)
-class FineTuningRun:
-    """Settings that the folder of a run was made with."""
-
-    files: dict[str, str]  # Hashes of the clips and captions.
-    model: str  # Hash of the weights of the model that is trained on.
-    settings: FineTuning  # Everything else.
-
-
 def finetune(
     settings: FineTuning, clips: OwnMotions, model: Path, output: Path, context: DistributedContext
 ) -> Path:
@@ -111,8 +102,8 @@ def finetune(
     paths = [*find_motions(clips.folder).values(), *sorted(clips.folder.rglob("*.txt"))]
     files = {path.relative_to(clips.folder).as_posix(): sha256(path) for path in paths}
     files |= {"captions": sha256(clips.captions)} if clips.captions else {}
-    run = FineTuningRun(files, sha256(model / WEIGHTS_FILE), settings)
-    open_run(work, run, context)
+    run = {"kind": "FineTuningRun", "files": files, "model": sha256(model / WEIGHTS_FILE)}
+    open_run(work, {**run, "settings": settings}, context)
     encoder = CachedTextEncoder(find_encoder(card, model), work / "text")
     if context.is_main:
         _prepare(settings, clips, model, work)

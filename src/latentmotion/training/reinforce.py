@@ -50,15 +50,6 @@ class Reinforcement:
     training: TrainingSettings = field(default_factory=partial(optimization, "reinforce"))
 
 
-@dataclass(frozen=True)
-class ReinforceRun:
-    """Settings that a run folder was made with."""
-
-    data: str  # Fingerprint of the prepared data.
-    parents: dict[str, str]  # Fingerprints of the model and of the text encoder.
-    settings: Reinforcement  # Everything else.
-
-
 class ReinforceStage(DenoiserStage):
     """The denoiser, data, and takes of the denoiser as it was.
 
@@ -168,7 +159,8 @@ def reinforce(
     conditioning = task_conditioning(experiment, dataset, encoder)
     check_fit(experiment, dataset, first, conditioning)
     parents = {"model": first.fingerprint, **conditioning.task.parents}
-    open_run(folder, ReinforceRun(dataset.fingerprint, parents, settings), context)
+    run = {"kind": "ReinforceRun", "data": dataset.fingerprint, "parents": parents}
+    open_run(folder, {**run, "settings": settings}, context)
     instructions = drawn_instructions(settings.takes.prompts, settings.takes.seed)
     sentences = [instruction.prompt for instruction in instructions]
     prompts = ConditionTable(conditioning.condition, sentences, context.device)

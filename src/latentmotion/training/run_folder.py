@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import torch
 from safetensors.torch import save_file
@@ -60,8 +60,6 @@ EXPERIMENT_FILE = "experiment.json"
 
 FORMAT = 2  # Version of experiment.json that this code writes and reads.
 
-AnyRun = TypeVar("AnyRun")
-
 # Files of other folders of this package.
 _OTHERS = ("manifest.json", CARD_FILE, "evaluator.json", "report.json")
 
@@ -81,7 +79,7 @@ class Run:
     experiment: Experiment  # Everything else that decides what the run yields.
 
 
-def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
+def open_run(folder: Path, run: Run | Mapping[str, Any], context: DistributedContext) -> None:
     """Makes the folder, or checks that it was made with the same.
 
     With more steps than before a finished run goes on; the precision and the way in which ranks
@@ -89,7 +87,7 @@ def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
 
     Args:
         folder: The run folder.
-        run: A `Run`, or another frozen dataclass that says all that decides what the run yields.
+        run: A `Run`, or another mapping that says all that decides what the run yields, by `kind`.
         context: The leading rank makes it.
 
     Raises:
@@ -99,12 +97,11 @@ def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
     path = folder / EXPERIMENT_FILE
     if path.exists():
         # Through text, as the file went: tuples become lists.
-        existing = json.loads(json.dumps(to_json(read_run(type(run), folder))))
         current = json.loads(json.dumps(to_json(run)))
-        differing, fixed = list(differences(existing, current)), []
+        differing, fixed = list(differences(_plain_run(path), current)), []
         for key, before, after in differing:  # more steps and another precision may be asked for
             part, _, name = key.rpartition(".")
-            more = name == "steps" and after > before
+            more = name == "steps" and isinstance(before, int) and after > before
             if not part.endswith("training") or not (more or name in _MACHINE):
                 fixed.append(f"{key} ({before!r} → {after!r})")
         if fixed:
@@ -128,21 +125,25 @@ def open_run(folder: Path, run: Any, context: DistributedContext) -> None:
     context.wait()
 
 
-def read_run(cls: type[AnyRun], folder: Path) -> AnyRun:
+def read_run(folder: Path) -> Run:
     """Reads what a run folder was made with.
 
     Raises:
-        InputError: There is none, it is damaged, or it is of another version.
+        InputError: There is none, it is damaged, or it is of another kind or version.
     """
     path = folder / EXPERIMENT_FILE
+    try:
+        return from_json(Run, _plain_run(path))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _plain_run(path: Path) -> Any:
     data = read_plain(path)
     version = data.pop("format", None) if isinstance(data, dict) else FORMAT
     if version != FORMAT:
-        raise InputError(f"{path}: format {version}, expected {FORMAT}; update latentmotion")
-    try:
-        return from_json(cls, data)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+        raise InputError(f"format {version}, expected {FORMAT}; update latentmotion")
+    return data
 
 
 def first_stage_card(

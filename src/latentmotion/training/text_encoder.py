@@ -488,16 +488,6 @@ class TextEncoderStage(Stage[StudentNetwork]):
         return {k: v for k, v in dataclasses.asdict(figures).items() if k != "sentences"}
 
 
-@dataclass(frozen=True)
-class TextEncoderRun:
-    """Settings that the run folder of a text encoder was made with."""
-
-    captions: str  # Fingerprint of the captions.
-    teacher: str  # Kind and source of the teacher.
-    recipe: StudentRecipe  # Everything else that decides what the run yields.
-    stage: str = "text-encoder"  # Settings that distinguish it from other runs.
-
-
 def train_text_encoder(
     recipe: StudentRecipe,
     captions: Sequence[TaggedCaption],
@@ -521,7 +511,8 @@ def train_text_encoder(
     held_out = held_out_sentences(captions)
     corpus = json.dumps([(caption.text, caption.tags) for caption in captions])
     digest = hashlib.sha256(corpus.encode()).hexdigest()
-    open_run(folder, TextEncoderRun(digest, teacher.name, recipe), context)
+    run = {"kind": "TextEncoderRun", "stage": "text-encoder", "captions": digest}
+    open_run(folder, {**run, "teacher": teacher.name, "recipe": recipe}, context)
     large = Tokenizer.from_str(teacher.tokenizer.backend_tokenizer.to_str())
     large.no_padding()
     large.enable_truncation(recipe.positions)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -98,20 +98,6 @@ class DistillStage(Stage[DenoiserNetwork]):
         return guided, sampler_of(self._card, Sampling(steps, sampler="ddim"))
 
 
-@dataclass(frozen=True)
-class DistillRun:
-    """Settings that a run folder was made with."""
-
-    data: str  # Fingerprint of the prepared data.
-    teacher: str | None  # Hash of the teacher's weights.
-    # Hash of the weights of the student that it begins as; null where that is the teacher.
-    start: str | None
-    text: str | None  # Which text encoder reads the prompts; null where conditions are no text.
-    settings: Distillation  # Everything else.
-    # Hash of the weights of the model that answers drawn prompts; null where the teacher does.
-    former: str | None = None
-
-
 def distill(
     settings: Distillation,
     data: Path,
@@ -147,15 +133,9 @@ def distill(
     card = student_card(model.card, settings)
     torch.manual_seed(settings.training.seed)
     student = first_student(model, card, start)
-    text = encoder.name if encoder else None
-    run = DistillRun(
-        dataset.fingerprint,
-        fingerprint(source),
-        fingerprint(start),
-        text,
-        settings,
-        fingerprint(former),
-    )
+    run = {"kind": "DistillRun", "data": dataset.fingerprint, "settings": settings}
+    run |= {"text": encoder.name if encoder else None, "teacher": fingerprint(source)}
+    run |= {"start": fingerprint(start), "former": fingerprint(former)}
     open_run(folder, run, context)
     path = file_beside(model.card, source, LENGTHS_FILE)
     lengths = path and LengthFile(path, model.card.condition.text_encoder)
