@@ -67,7 +67,6 @@ from latentmotion.language.reading import (
 )
 from latentmotion.language.translation import in_english
 from latentmotion.model import card as cards
-from latentmotion.model.card import DEFAULT, ModelCard
 from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
@@ -143,7 +142,7 @@ class MotionPipeline(PickledByFields):
     Pickles of it name the model's files and hold no weights, so that worker processes open them.
     """
 
-    card: ModelCard
+    card: cards.ModelCard
     """Description of the model."""
     condition: Condition
     """Turns prompts into words."""
@@ -168,7 +167,7 @@ class MotionPipeline(PickledByFields):
     @classmethod
     def from_pretrained(
         cls,
-        model: str | Path = DEFAULT,
+        model: str | Path = cards.DEFAULT,
         runtime: Runtime = "auto",
         threads: int | None = None,
         cache: Path | None = None,
@@ -913,7 +912,7 @@ def features_from_noise(
     return decoder(z, batch.frames)
 
 
-def sampler_of(card: ModelCard, sampling: Sampling) -> Sampler:
+def sampler_of(card: cards.ModelCard, sampling: Sampling) -> Sampler:
     """Returns the sampler for a model's schedule; a distilled one stops at its own few times."""
     schedule = (
         FewStepSchedule(card.schedule, card.few_step.solver_steps)

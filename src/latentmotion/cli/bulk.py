@@ -15,7 +15,6 @@ from latentmotion.errors import InputError
 from latentmotion.formats import EngineName
 from latentmotion.model.card import DEFAULT
 from latentmotion.storage import shards
-from latentmotion.storage.shards import folder_at
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
         if self.check and self.prompts is None:
             others = {field.name for field in fields(self)} - {"output", "check"}
             options.refuse_unused(self, "--check without prompts compares files alone", *others)
-            self._print_summary(shards.check(folder_at(self.output)))
+            self._print_summary(shards.check(shards.folder_at(self.output)))
             return
         if self.prompts is None:
             raise InputError("no prompts given; name a file: latentmotion bulk prompts.txt")
@@ -90,12 +89,12 @@ class Bulk(options.SamplingOptions, options.ComputingOptions):
         generation = BulkGeneration(options=opening, **options.values_for(BulkGeneration, self))
         work = work_of(generation, pipeline, self.prompts, self.seed, self.rows)
         if self.check:
-            folder = folder_at(self.output)
+            folder = shards.folder_at(self.output)
             manifest = shards.check(folder)
             shards.start(work.run, folder)  # raises an error where another run was finished
             self._print_summary(manifest)
             return
-        folder = folder_at(self.output, create=True)
+        folder = shards.folder_at(self.output, create=True)
 
         def report(record: shards.Record) -> None:
             print(f"{record.name}: {record.items} motions", file=sys.stderr, flush=True)

@@ -24,7 +24,6 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.recording import Dropped, EncodedRecording, FileGroup
 from latentmotion.data.report import PreparationReport, parts_of
 from latentmotion.data.sources import actor, cmu, hdm05, humanml3d, snu
-from latentmotion.data.sources.cmu import CMU
 from latentmotion.data.sources.own import OwnMotions
 from latentmotion.data.store import MANIFEST, StoredNormalizer
 from latentmotion.errors import InputError, hint
@@ -35,10 +34,8 @@ from latentmotion.representation.interface import Representation
 from latentmotion.representation.smpl import SMPL_FEATURES
 from latentmotion.storage import configuration, shards
 from latentmotion.storage.files import check_replaceable, sha256
-from latentmotion.storage.shards import folder_at
 from latentmotion.training.captioning import described
 from latentmotion.training.captioning.compose import Composition, compose
-from latentmotion.training.captioning.described import Windows
 
 Hold = Annotated[
     int,
@@ -104,7 +101,7 @@ class _PrepareInParts(_Prepare):
             versioned = {"version": __version__, **settings}
             work = packing.work_of(groups(packing.FILES), representation, versioned)
             beside = self.output.with_name(f"{self.output.name}.recordings")
-            folder = folder_at(beside, create=True)
+            folder = shards.folder_at(beside, create=True)
 
             def report(record: shards.Record) -> None:
                 print(f"{record.name}: {record.items} files", file=sys.stderr, flush=True)
@@ -181,10 +178,10 @@ class PrepareCmu(_PrepareInParts):
         settings = {"source": "cmu", "uncaptioned": self.uncaptioned, "annotations": digest}
         notes = (
             f"HumanML3D's index has {data.missing} more CMU clips, of trials that are not in "
-            f"{self.trials}; get them from {CMU.url}",
+            f"{self.trials}; get them from {cmu.CMU.url}",
         )
         groups = partial(data.groups, uncaptioned=self.uncaptioned)
-        self._prepare(CMU, groups, settings, notes=notes if data.missing else ())
+        self._prepare(cmu.CMU, groups, settings, notes=notes if data.missing else ())
 
 
 @dataclass(frozen=True)
@@ -473,7 +470,7 @@ class Describe(options.ReadingOptions):
             raise InputError(
                 "expected --windows and --rewordings of 0 or more and --sentences of 1 or more"
             )
-        windows = Windows(self.windows, sentences=self.sentences, whole=self.sentences)
+        windows = described.Windows(self.windows, sentences=self.sentences, whole=self.sentences)
         if not (self.folder.is_file() or (self.folder / MANIFEST).is_file()):
             reason = f"{self.folder} is no prepared data"
             names = ("edit", "windows", "sentences", "rewordings")

@@ -26,7 +26,6 @@ from latentmotion.evaluation.protocol import PROTOCOLS, Protocol
 from latentmotion.kinematics.smpl import load_smpl
 from latentmotion.model.card import CARD_FILE, find_model, read_card
 from latentmotion.storage import configuration, files, shards
-from latentmotion.storage.shards import ShardSubset, folder_at
 from latentmotion.training import checking
 
 if TYPE_CHECKING:
@@ -158,11 +157,11 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         candidates, protocol = self.candidates(folder), self.changed_protocol()
         comparison = evaluate.Comparison(tuple(candidates), dataset, evaluator, protocol)
         if self.shard:
-            share, output = ShardSubset.parse(self.shard), self.output
+            share, output = shards.ShardSubset.parse(self.shard), self.output
             if output is None:
                 problem = "--shard keeps scores beside the report; name its folder by --output"
                 raise InputError(problem)
-            beside = folder_at(output.with_name(f"{output.name}.replications"), create=True)
+            beside = shards.folder_at(output.with_name(f"{output.name}.replications"), create=True)
             manifest = shards.make(comparison.work(), beside, share)
             if manifest is None:
                 print(f"shard {self.shard} is finished, others are not")

@@ -17,10 +17,8 @@ from latentmotion.errors import InputError
 from latentmotion.evaluation.evaluators.text_motion import export_scorer, load_text_motion
 from latentmotion.export import package
 from latentmotion.export.onnx import Weights
-from latentmotion.export.package import export_pretrained, with_decoder
 from latentmotion.export.web import export_web
 from latentmotion.model import card as cards
-from latentmotion.model.card import GraphPrecision, find_model
 from latentmotion.networks.backend import find_encoder, text_encoder_named
 from latentmotion.networks.checkpoint import load_stages, save_model
 from latentmotion.networks.pretrained_text import KINDS, PretrainedTextEncoder
@@ -40,7 +38,7 @@ class Export:
     length: Path | None = None
     """Length predictor that `latentmotion train length` wrote, for a model that reads sentences; by
     default the one beside the text encoder, if any."""
-    precision: GraphPrecision = "float32"
+    precision: cards.GraphPrecision = "float32"
     """Precision of matrix products in the graphs; int8 is faster and slightly less exact
     (docs/guide/runtime.md)."""
     name: str | None = None
@@ -64,7 +62,7 @@ class Export:
         Raises:
             ModelError: Something is missing, or a graph does not repeat its network.
         """
-        source = find_model(self.model)
+        source = cards.find_model(self.model)
         if not self.web:
             self._package(source, self.output)
         elif any(source.glob("fused_*.onnx")):
@@ -91,14 +89,14 @@ class Export:
                 raise InputError(f"a model of task {card.task} reads no sentences; omit --{option}")
         folder = cards.text_encoder_folder(card, source) if reads and named is None else None
         if named is not None and named.partition(":")[0] not in KINDS:
-            folder = find_model(named)
+            folder = cards.find_model(named)
         if folder is not None:
             parts.append(package.copied(folder))
         elif reads:
             encoder = text_encoder_named(named) if named else find_encoder(card, source)
             if not isinstance(encoder, PretrainedTextEncoder):
                 raise InputError(f"the text encoder {encoder.name} cannot be exported")
-            parts.append(partial(export_pretrained, encoder))
+            parts.append(partial(package.export_pretrained, encoder))
         if self.length is not None:
             lengths = LengthModel.read(self.length, card.condition.text_encoder)
             parts.append(lambda target: lengths.write(target / cards.LENGTHS_FILE))
@@ -128,8 +126,8 @@ class SwapDecoder:
 
     def run(self) -> None:
         """Writes the folder."""
-        model, other = (load_stages(find_model(name)) for name in (self.model, self.decoder))
-        save_model(self.output, with_decoder(model, other))
+        model, other = (load_stages(cards.find_model(name)) for name in (self.model, self.decoder))
+        save_model(self.output, package.with_decoder(model, other))
         print(self.output)
 
 

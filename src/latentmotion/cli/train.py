@@ -31,14 +31,11 @@ from latentmotion.networks.pretrained_text import PretrainedTextEncoder
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import check_replaceable, check_writable
 from latentmotion.training import classifier, decoder, evaluator, lengths, stages
-from latentmotion.training.classifier import ClassifierExperiment
 from latentmotion.training.distillation import stage as distillation
 from latentmotion.training.distillation.data import Distillation
 from latentmotion.training.distributed import DistributedContext, distributed_context
-from latentmotion.training.evaluator import recipe_named
 from latentmotion.training.experiment import PRESETS, TrainingSettings, preset_named, with_changes
 from latentmotion.training.finetune import FineTuning, finetune
-from latentmotion.training.lengths import LengthTrials, judged_lengths
 from latentmotion.training.reinforce import Reinforcement, reinforce
 from latentmotion.training.text_encoder import StudentRecipe, read_captions, train_text_encoder
 
@@ -312,7 +309,7 @@ class TrainLength:
     """Name or folder of a model whose own motions tell how long acts, turns and counts take: drawn
     prompts are generated at many lengths, and the length at which it most likely obeys is learned
     (half an hour on one core; OUTPUT.trials.jsonl keeps the results)."""
-    trials: LengthTrials = field(default_factory=LengthTrials)
+    trials: lengths.LengthTrials = field(default_factory=lengths.LengthTrials)
     """How many prompts are generated, at which lengths."""
     keep: Path | None = None
     """Earlier predictor whose lengths of drawn prompts are learned, instead of those of --model."""
@@ -350,7 +347,7 @@ class TrainLength:
         if self.model:
             journal = self.output.with_name(f"{self.output.name}.trials.jsonl")
             pipeline = MotionPipeline.from_pretrained(self.model)
-            verdicts = judged_lengths(pipeline, self.trials, journal)
+            verdicts = lengths.judged_lengths(pipeline, self.trials, journal)
             usual = lengths.train_lengths(train, encoder, recipe)
             best = lengths.best_lengths(verdicts, usual, encoder)
             train = lengths.joined([train, best])
@@ -385,14 +382,14 @@ class TrainEvaluator(_TrainingOnData):
     preset: Sizes = "t2m"
     set: options.Changes = ()
     """Change any other setting, e.g. networks.width=128; repeatable."""
-    training: Training = field(default_factory=lambda: recipe_named("t2m").training)
+    training: Training = field(default_factory=lambda: evaluator.recipe_named("t2m").training)
 
-    training_of = staticmethod(lambda preset: recipe_named(preset).training)
+    training_of = staticmethod(lambda preset: evaluator.recipe_named(preset).training)
     """A preset's settings of this training."""
 
     def trained(self, context: DistributedContext) -> Path:
         """Trains to the last step."""
-        experiment = replace(recipe_named(self.preset), training=self.training)
+        experiment = replace(evaluator.recipe_named(self.preset), training=self.training)
         experiment = with_changes(experiment, self.set)
         if self.glove and self.text_encoder:
             raise InputError("--glove and --text-encoder exclude each other: pass one of them")
@@ -419,11 +416,11 @@ class TrainClassifier(_TrainingOnData):
     foot); without it, such copies are left out."""
     set: options.Changes = ()
     """Change any other setting, e.g. network.width=128; repeatable."""
-    training: Training = field(default_factory=lambda: ClassifierExperiment().training)
+    training: Training = field(default_factory=lambda: classifier.ClassifierExperiment().training)
 
     def run(self) -> None:
         """Trains to the last step; prints the folder and the accuracies."""
-        experiment = ClassifierExperiment(
+        experiment = classifier.ClassifierExperiment(
             mirrored_classes=self.mirrored_classes, training=self.training
         )
         experiment = with_changes(experiment, self.set)

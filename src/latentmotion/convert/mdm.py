@@ -18,7 +18,6 @@ from latentmotion.diffusion.condition import TextConditioning, TextTask
 from latentmotion.errors import InputError, ModelError
 from latentmotion.model.config import DenoiserConfig, IdentityVAEConfig, Sampling
 from latentmotion.networks import checkpoint
-from latentmotion.networks.checkpoint import build
 
 _TEXT_ENCODER = "openai/clip-vit-base-patch32"
 
@@ -80,7 +79,7 @@ def latent_model(weights: mld.Weights, path: Path, origin: mld.Origin) -> checkp
     # MDM's sinusoid of the time alternates sine and cosine; here all cosines come first.
     first = "embed_timestep.time_embed.0.weight"
     used[first] = torch.cat([used[first][:, 1::2], used[first][:, ::2]], dim=1)
-    network = mld.loaded(lambda: build(config), used, ("mdm",), f"{path}, MDM")
+    network = mld.loaded(lambda: checkpoint.build(config), used, ("mdm",), f"{path}, MDM")
     vae = IdentityVAEConfig(config.latent_width)
     origin = replace(origin, text_encoder=origin.text_encoder or _TEXT_ENCODER)
     card = mld.model_card(path, vae, config, origin)
@@ -97,4 +96,4 @@ def latent_model(weights: mld.Weights, path: Path, origin: mld.Origin) -> checkp
         frames=_FRAMES if sentences else card.frames,
         provenance=replace(card.provenance, license=terms),
     )
-    return checkpoint.LatentModel(card, build(vae), network)
+    return checkpoint.LatentModel(card, checkpoint.build(vae), network)

@@ -25,7 +25,6 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.model import config as configs
 from latentmotion.model.card import ModelCard, Provenance
 from latentmotion.networks import checkpoint
-from latentmotion.networks.checkpoint import build
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.transformer import LEARNED_LENGTH
 from latentmotion.networks.vae.interface import MotionVAE
@@ -87,7 +86,7 @@ def latent_model(
         vae, first_stage = load_vae(parts["vae"], origin, path)
     else:  # the diffusion is on raw frames, as wide as the denoiser's latents
         first_stage = configs.IdentityVAEConfig(config.latent_width)
-        vae = build(first_stage)
+        vae = checkpoint.build(first_stage)
     card = model_card(path, first_stage, config, origin)
     if denoiser is None:
         return checkpoint.FirstStageModel(card, vae)
@@ -109,7 +108,7 @@ def load_vae(
     """
     config = vae_config(weights, origin)
     names = ("actor",) if is_actor(weights) else ("vae", f"vae_{config.decoding}")
-    return loaded(lambda: build(config), weights, names, f"{path}, vae"), config
+    return loaded(lambda: checkpoint.build(config), weights, names, f"{path}, vae"), config
 
 
 def load_denoiser(
@@ -132,7 +131,7 @@ def load_denoiser(
     used = {name: tensor for name, tensor in weights.items() if name not in unused}
     text = ("linear_text",) if config.condition_projection == "linear" else ()
     names = (*text, "denoiser", f"denoiser_{config.attention}")
-    return loaded(lambda: build(config), used, names, f"{path}, denoiser"), config
+    return loaded(lambda: checkpoint.build(config), used, names, f"{path}, denoiser"), config
 
 
 def loaded(

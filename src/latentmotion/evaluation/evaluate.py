@@ -27,7 +27,6 @@ from latentmotion.evaluation.candidates import Candidate, Generated, Motions
 from latentmotion.evaluation.evaluators.interface import Evaluator, TextMotionEvaluator
 from latentmotion.evaluation.protocol import CLEAN, HELD, Lengths, Protocol, Replication, TestSet
 from latentmotion.evaluation.report import GROUND_TRUTH, Figure, Report, provenance_of
-from latentmotion.evaluation.scores import EmbeddingCache, Embeddings, PositionScores, Scores
 from latentmotion.plugins import plugins
 from latentmotion.progress import counted
 from latentmotion.storage.configuration import to_json
@@ -129,19 +128,19 @@ class Comparison:
     # The evaluator; without one only metrics of positions are measured.
     evaluator: Evaluator | None
     protocol: Protocol = CLEAN  # Rules of the evaluation.
-    _real: tuple[Embeddings | None, Scores] | None = None
+    _real: tuple[scoring.Embeddings | None, scoring.Scores] | None = None
 
     def __post_init__(self) -> None:
         self.test_set = build_test_set(self.candidates, self.dataset, self.evaluator, self.protocol)
         self.cache = scoring.EmbeddingCache(self.evaluator) if self.evaluator is not None else None
-        self.positions = PositionScores(self.dataset)
+        self.positions = scoring.PositionScores(self.dataset)
 
     def __call__(self) -> Report:
         """Measures all replications in this process."""
         numbers = counted(range(self.protocol.replications), "replications")
         return self.report([self.replication(number) for number in numbers])
 
-    def replication(self, number: int) -> dict[str, Scores]:
+    def replication(self, number: int) -> dict[str, scoring.Scores]:
         """Returns the scores of every row in replication `number`."""
         replication = self.test_set.replication(number)
         quirks, features = self.protocol.quirks, replication.features
@@ -164,7 +163,7 @@ class Comparison:
         }
         return {GROUND_TRUTH: scores, **rows}
 
-    def report(self, replications: Sequence[Mapping[str, Scores]]) -> Report:
+    def report(self, replications: Sequence[Mapping[str, scoring.Scores]]) -> Report:
         """Returns the report of the scores of all replications, in their order."""
         population = self.protocol.quirks.population_deviation
         values: dict[str, dict[str, list[float]]] = {}
@@ -216,8 +215,8 @@ class Comparison:
         return self.report([read_json_file(folder / record.name) for record in manifest.shards])
 
     def _measure(
-        self, candidate: Candidate, replication: Replication, real: Embeddings | None
-    ) -> Scores:
+        self, candidate: Candidate, replication: Replication, real: scoring.Embeddings | None
+    ) -> scoring.Scores:
         """Measures a candidate: quality, errors against the real motions, embeddings."""
         protocol, number = self.protocol, replication.number
         motions = candidate(replication, protocol)
@@ -242,7 +241,7 @@ class Comparison:
             scores["MultiModality"] = figure
         return scores
 
-    def _further(self, motions: Motions, real: Motions) -> Scores:
+    def _further(self, motions: Motions, real: Motions) -> scoring.Scores:
         """Returns the metrics that other packages add."""
         added = plugins("latentmotion.metrics").values()
         return {
@@ -252,8 +251,8 @@ class Comparison:
         }
 
     def _embed(
-        self, cache: EmbeddingCache, motions: Motions, replication: Replication, row: str
-    ) -> Embeddings:
+        self, cache: scoring.EmbeddingCache, motions: Motions, replication: Replication, row: str
+    ) -> scoring.Embeddings:
         drawn = self.protocol.quirks.random_state
         noise = self.protocol.generator(f"state {row}", replication.number) if drawn else None
         return cache.embed(motions, replication, noise)

@@ -39,7 +39,6 @@ from latentmotion.errors import InputError, ModelError
 from latentmotion.export import onnx as graphs
 from latentmotion.model import card as cards
 from latentmotion.networks import checkpoint
-from latentmotion.networks.checkpoint import FirstStageModel
 from latentmotion.networks.pretrained_text import PretrainedTextEncoder
 from latentmotion.networks.text_encoder import StudentNetwork, pack, packed
 from latentmotion.networks.vae.interface import fingerprint
@@ -237,13 +236,13 @@ def _compare(graph: Path, inputs: dict[str, torch.Tensor], expected: torch.Tenso
         raise ModelError(f"{graph.name} differs from its network by {difference:.2g}; not written")
 
 
-Model = TypeVar("Model", bound=FirstStageModel)
+Model = TypeVar("Model", bound=checkpoint.FirstStageModel)
 
 # Prefixes of figures that depend on the decoder alone, and of those that hold with any decoder.
 OF_DECODER, OF_DENOISER = ("vae_", "decoder_"), ("denoiser_", "student_", "teacher")
 
 
-def with_decoder(model: Model, other: FirstStageModel) -> Model:
+def with_decoder(model: Model, other: checkpoint.FirstStageModel) -> Model:
     """Returns `model` with the decoder of `other`.
 
     Raises:
@@ -268,7 +267,7 @@ def with_decoder(model: Model, other: FirstStageModel) -> Model:
     return replace(model, card=card, vae=other.vae)
 
 
-def check_latents(model: FirstStageModel, other: FirstStageModel) -> None:
+def check_latents(model: checkpoint.FirstStageModel, other: checkpoint.FirstStageModel) -> None:
     """Checks that the latents of two models are the same.
 
     Raises:
@@ -298,7 +297,7 @@ def figures_of(card: cards.ModelCard, prefixes: tuple[str, ...]) -> dict[str, An
     return {name: value for name, value in card.figures.items() if name.startswith(prefixes)}
 
 
-def _encoder_of(model: FirstStageModel) -> str:
+def _encoder_of(model: checkpoint.FirstStageModel) -> str:
     if not model.card.vae.has_weights:
         raise ModelError(f"model {model.card.name!r} has no VAE: run latentmotion train vae")
     return fingerprint(model.vae)

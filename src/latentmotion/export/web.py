@@ -31,7 +31,6 @@ from latentmotion.engine.session import fused_sampler_file, open_session
 from latentmotion.errors import ModelError
 from latentmotion.export.onnx import FunctionModule, Weights, anonymous, scaled_rows, trace
 from latentmotion.model import card as cards
-from latentmotion.model.card import RIGHTS_IN_MOTIONS
 from latentmotion.pipeline import MotionPipeline
 from latentmotion.storage.files import atomic_folder
 from latentmotion.storage.reading import packaged_toml
@@ -322,7 +321,7 @@ def _manifest(pipeline: MotionPipeline, folder: Path, weights: Weights) -> dict[
         "format": FORMAT,
         "name": card.name,
         "hash": digest.hexdigest(),
-        "rights": RIGHTS_IN_MOTIONS,
+        "rights": cards.RIGHTS_IN_MOTIONS,
         "weightsLicense": card.provenance.license,
         "prompts": "sentences" if text else "labels" if labels else "nothing",
         "labels": labels,

@@ -13,7 +13,6 @@ from latentmotion.kinematics.skeleton import Joints
 from latentmotion.measure import limbs, whole_body
 from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, of_kind
 from latentmotion.measure.signals import Signals, activity_of, measure, peaks, twist_of
-from latentmotion.measure.whole_body import POSES
 
 
 def describe(joints: Joints) -> Measured:
@@ -86,7 +85,7 @@ class Measured(Description):
     def all_of(self, *kinds: str) -> list[Event]:
         """Returns the events, moves, turns, postures and poses of some kinds, by start."""
         events = [event for kind in kinds for event in self.find(kind)]
-        if not POSES.isdisjoint(kinds):
+        if not whole_body.POSES.isdisjoint(kinds):
             events += [pose for pose in self.poses if pose.kind in kinds]
         return sorted(events, key=lambda event: event.start)
 

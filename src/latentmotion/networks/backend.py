@@ -21,7 +21,6 @@ from latentmotion.engine.prior import MotionPrior
 from latentmotion.engine.session import Session
 from latentmotion.errors import InputError, LatentMotionError, ModelError
 from latentmotion.model import card as cards
-from latentmotion.model.card import ModelCard, find_model
 from latentmotion.networks.checkpoint import load_model, load_stages
 from latentmotion.networks.denoiser import DenoiserNetwork, forward_of
 from latentmotion.networks.device import (
@@ -51,7 +50,7 @@ class Buckets(Padding):
     where it would, sizes stay as they are.
     """
 
-    card: ModelCard  # States the longest motion, and whether padding would change motions.
+    card: cards.ModelCard  # States the longest motion, and whether padding would change motions.
 
     def sizes(self, rows: int, words: int, frames: int) -> tuple[int, int, int]:
         """Returns the next power of two, 1 + 8 n and 32 n; no words stay none.
@@ -81,7 +80,7 @@ def torch_pipeline(
     Raises:
         ModelError: The folder is damaged, has no denoiser, or its text encoder is not found.
     """
-    folder = find_model(folder)
+    folder = cards.find_model(folder)
     model = load_model(folder)
     card, lengths = model.card, cards.file_beside(model.card, folder, cards.LENGTHS_FILE)
     return MotionPipeline(
@@ -99,7 +98,7 @@ def torch_pipeline(
 
 
 def torch_backend(
-    card: ModelCard, denoiser: Session, decoder: Session, execution: ExecutionOptions = ON_CPU
+    card: cards.ModelCard, denoiser: Session, decoder: Session, execution: ExecutionOptions = ON_CPU
 ) -> Backend:
     """Returns a backend whose arrays are tensors on a device.
 
@@ -131,7 +130,7 @@ def torch_prior(folder: str | Path, execution: ExecutionOptions = ON_CPU) -> Mot
     Raises:
         ModelError: The folder is damaged or has no VAE.
     """
-    model = load_stages(find_model(folder))
+    model = load_stages(cards.find_model(folder))
     most = GPU_BATCH_SIZE if execution.device_type == GPU else MAX_BATCH_SIZE
     return MotionPrior(model.card, decoder_session(model.vae, execution), most)
 
@@ -146,7 +145,7 @@ def decoder_session(vae: MotionVAE, execution: ExecutionOptions = ON_CPU) -> Ses
     return network_session(vae, vae.decode, execution)
 
 
-def find_encoder(card: ModelCard, folder: Path) -> TextEncoder:
+def find_encoder(card: cards.ModelCard, folder: Path) -> TextEncoder:
     """Returns the text encoder of a model's folder, else the one on this machine that it names.
 
     Raises:
@@ -178,4 +177,4 @@ def text_encoder_named(name: str) -> TextEncoder:
         return PretrainedTextEncoder.load(kind, source or None)
     if kind in plugin_names("latentmotion.text_encoders"):
         return part_named("latentmotion.text_encoders", kind)(source)
-    return load_text_encoder(find_model(name))
+    return load_text_encoder(cards.find_model(name))

@@ -13,7 +13,6 @@ from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import Response, StreamingResponse
 
 from latentmotion import formats
-from latentmotion.formats import MEDIA_TYPES
 from latentmotion.service import schemas
 from latentmotion.service.problems import Problem
 from latentmotion.service.state import Service, unless_gone
@@ -147,5 +146,5 @@ def file_response(path: Path, name: str) -> StreamingResponse:
         "Content-Disposition": f'attachment; filename="{name}"',
         "Content-Length": str(path.stat().st_size),
     }
-    media_type = MEDIA_TYPES[name.partition(".")[2]]
+    media_type = formats.MEDIA_TYPES[name.partition(".")[2]]
     return StreamingResponse(pieces(), headers=headers, media_type=media_type)

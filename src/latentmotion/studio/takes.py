@@ -25,7 +25,6 @@ from latentmotion.model.card import MOVES_FILE
 from latentmotion.motion import features_of
 from latentmotion.pipeline import MotionPipeline, RawMotion
 from latentmotion.ranking import best as ranking
-from latentmotion.ranking.best import Take
 from latentmotion.retrieval.index import joined
 from latentmotion.retrieval.teach import ShownClip, build_index
 from latentmotion.service.schemas import FileFormat, Readable, RequestModel, Text
@@ -341,7 +340,7 @@ def model_routes(library: Library, models: Models) -> APIRouter:
     return router
 
 
-def reason(ranked: Sequence[Take]) -> str:
+def reason(ranked: Sequence[ranking.Take]) -> str:
     """Returns in words what the first of ranked takes does better than the others do."""
     first, others = ranked[0], ranked[1:]
     if not others:

@@ -20,7 +20,6 @@ from latentmotion.kinematics.smpl import SmplModel, load_smpl
 from latentmotion.model.card import CARD_FILE, ModelCard, Provenance, read_card
 from latentmotion.model.config import IdentityVAEConfig, LatentSpace
 from latentmotion.networks import checkpoint
-from latentmotion.networks.checkpoint import build, start_from
 from latentmotion.networks.vae.interface import MotionVAE
 from latentmotion.storage.files import sha256
 from latentmotion.training import denoiser as second_stage
@@ -73,10 +72,10 @@ def train_vae(
         parents["start"] = sha256(start / checkpoint.WEIGHTS_FILE)
     open_run(folder, Run("vae", dataset.fingerprint, parents, experiment), context)
     torch.manual_seed(training.seed)
-    network = build(experiment.vae)
+    network = checkpoint.build(experiment.vae)
     if start:
         before = checkpoint.load_stages(start).vae
-        start_from(network, before, network.latent_width, before.latent_width)
+        checkpoint.start_from(network, before, network.latent_width, before.latent_width)
     skin = smpl.body if smpl else None
     stage = VAEStage(network, dataset, experiment, context, skin)
     return train_first_stage(stage, experiment, dataset, folder, context)
@@ -146,11 +145,11 @@ def train_denoiser(
     card = replace(first.card, latents=space)
     torch.manual_seed(training.seed)
     previews = Previews(first.vae, card, experiment.latents.cropping.max_frames // 2)
-    network = build(experiment.denoiser)
+    network = checkpoint.build(experiment.denoiser)
     network.measure_words(latents.prompts.words.cpu())
     if before:
         widths = experiment.denoiser.latent_width, before.card.trained_denoiser.latent_width
-        start_from(network, before.denoiser, *widths)
+        checkpoint.start_from(network, before.denoiser, *widths)
     stage = second_stage.DenoiserStage(network, latents, previews, experiment, context)
     denoiser, seconds = train(stage, training, folder, context)
     if context.is_main:
@@ -329,7 +328,7 @@ def frames_as_first_stage(experiment: Experiment, dataset: Dataset) -> FirstStag
         )
     config = IdentityVAEConfig(dataset.representation.width)
     card = run_folder.first_stage_card(replace(experiment, vae=config), dataset, 0.0, {})
-    return FirstStage(build(config), replace(card, provenance=Provenance()), "none")
+    return FirstStage(checkpoint.build(config), replace(card, provenance=Provenance()), "none")
 
 
 def check_fit(

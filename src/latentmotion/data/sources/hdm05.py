@@ -15,7 +15,6 @@ from pathlib import Path
 
 from latentmotion.data import recording
 from latentmotion.data.clip import Split, TaggedSentence, mirror_sentence
-from latentmotion.data.recording import FPS, Dropped, FileGroup, Label, Recording
 from latentmotion.data.sources import LABELS, OWNERS
 from latentmotion.errors import DataError, FileFormatError
 from latentmotion.formats.asf_amc import read_asf_amc
@@ -43,7 +42,7 @@ CLASSES = {
 }
 
 
-def hdm05_groups(folder: Path, size: int | None = None) -> list[FileGroup]:
+def hdm05_groups(folder: Path, size: int | None = None) -> list[recording.FileGroup]:
     """Returns the clips below a folder in groups.
 
     Args:
@@ -54,22 +53,22 @@ def hdm05_groups(folder: Path, size: int | None = None) -> list[FileGroup]:
         DataError: There is no such folder, or no clip in it.
     """
     groups = recording.in_groups(find_clips(folder), size)
-    return [FileGroup(tuple(paths), partial(_read, paths)) for paths in groups]
+    return [recording.FileGroup(tuple(paths), partial(_read, paths)) for paths in groups]
 
 
-def _read(paths: Sequence[Path]) -> Iterator[Recording | Dropped]:
+def _read(paths: Sequence[Path]) -> Iterator[recording.Recording | recording.Dropped]:
     for path in counted(paths, "clips"):
         match = _NAME.match(path.stem)
         assert match is not None
         action, rate = match["action"], float(match["fps"])
         try:
-            joints = recording.joints_at(read_asf_amc(path, fps=rate), FPS, rate)
+            joints = recording.joints_at(read_asf_amc(path, fps=rate), recording.FPS, rate)
         except (FileFormatError, DataError) as error:
-            yield Dropped(path.stem, "clip", str(error))
+            yield recording.Dropped(path.stem, "clip", str(error))
             continue
         action_class = CLASSES.get(action, ActionClass(action, ()))
         sentences = tuple(map(TaggedSentence, action_class.sentences))
-        label = Label(
+        label = recording.Label(
             id=path.stem,
             source=HDM05.name,
             origin=path.name,
@@ -79,7 +78,7 @@ def _read(paths: Sequence[Path]) -> Iterator[Recording | Dropped]:
             action=action,
             mirrored_action=action_class.mirrored,
         )
-        yield Recording(label, joints)
+        yield recording.Recording(label, joints)
 
 
 def find_clips(folder: Path) -> list[Path]:

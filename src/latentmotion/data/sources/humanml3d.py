@@ -25,7 +25,6 @@ from pathlib import Path
 import numpy as np
 
 from latentmotion.data import clip
-from latentmotion.data.clip import SPLITS, Source, Split, TaggedSentence
 from latentmotion.data.recording import Dropped, EncodedRecording, Label
 from latentmotion.data.sources import OWNERS
 from latentmotion.data.store import OFFICIAL_FEATURES, StoredNormalizer, stored_normalizer
@@ -79,15 +78,15 @@ def read_index(folder: Path) -> tuple[IndexRow, ...]:
     return tuple(rows)
 
 
-def read_splits(folder: Path) -> dict[str, Split]:
+def read_splits(folder: Path) -> dict[str, clip.Split]:
     """Reads which id belongs to which split.
 
     Raises:
         DataError: One of the three lists is missing, or all are empty.
     """
-    splits: dict[str, Split] = {
+    splits: dict[str, clip.Split] = {
         name: split
-        for split in SPLITS
+        for split in clip.SPLITS
         for name in read_text(_existing(folder / f"{split}.txt")).split()
     }
     if not splits:
@@ -121,13 +120,13 @@ def read_texts(folder: Path) -> Mapping[str, str]:
     return texts
 
 
-def sentences_of(texts: Mapping[str, str], name: str) -> tuple[TaggedSentence, ...]:
+def sentences_of(texts: Mapping[str, str], name: str) -> tuple[clip.TaggedSentence, ...]:
     """Returns the sentences of one id; none if it has no caption file."""
     return clip.parse_sentences(texts.get(name, ""))
 
 
 def official_recordings(
-    folder: Path, source: Source, width: int
+    folder: Path, source: clip.Source, width: int
 ) -> Iterator[EncodedRecording | Dropped]:
     """Yields every clip that is listed in a split; mirrored ones of `train` only as captions.
 

@@ -41,7 +41,6 @@ from jaxtyping import Float
 from latentmotion import formats
 from latentmotion.data import clip, quality
 from latentmotion.data import recording as recordings
-from latentmotion.data.clip import SPLITS, Source, Split, TaggedSentence
 from latentmotion.data.prepare import MIN_FRAMES
 from latentmotion.data.recording import FPS, Dropped, FileGroup, Label, Recording
 from latentmotion.errors import DataError, FileFormatError, InputError
@@ -71,8 +70,8 @@ _NEEDED, _OPTIONAL = ("file", "caption"), ("from", "to", "split", "action")
 class _Annotations:
     """What a CSV or a file's folder states about one file."""
 
-    sentences: list[TaggedSentence] = field(default_factory=list)
-    split: Split | None = None
+    sentences: list[clip.TaggedSentence] = field(default_factory=list)
+    split: clip.Split | None = None
     action: str | None = None
 
 
@@ -81,7 +80,7 @@ class OwnMotions:
     """A folder of motion files and how to read them."""
 
     folder: Path  # Folder of the files, in any nesting.
-    source: Source  # Origin and terms to record.
+    source: clip.Source  # Origin and terms to record.
     # A CSV, BABEL's JSON, or a folder of `.txt` files by the paths of the motions; without it they
     # are beside the motions.
     captions: Path | None = None
@@ -121,7 +120,7 @@ class OwnMotions:
             fbx.check_ready()
         listed: dict[str, _Annotations] = {}
         if self.captions and self.captions.is_dir():  # lists in it are the splits
-            for split in SPLITS:
+            for split in clip.SPLITS:
                 if (path := self.captions / f"{split}.txt").is_file():
                     names = map(str.strip, read_text(path).splitlines())
                     listed |= {name: _Annotations(split=split) for name in names}
@@ -165,8 +164,8 @@ class OwnMotions:
             action = entry.action
             # By hash, so that more files never move a file to another split.
             draw = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") / 2**32
-            rest: Split = "test" if draw < self.val + self.test else "train"
-            split: Split = "val" if draw < self.val else rest
+            rest: clip.Split = "test" if draw < self.val + self.test else "train"
+            split: clip.Split = "val" if draw < self.val else rest
             for number, joints in enumerate(takes, 1):
                 end = len(joints) / FPS  # of sentences that state none
                 sentences = tuple(
@@ -211,7 +210,7 @@ class OwnMotions:
         if not self.labelled:
             return _Annotations(list(sentences))
         folders = path.relative_to(self.folder).parts[:-1]
-        split: Split | None = next((s for s in SPLITS if folders[:1] == (s,)), None)
+        split: clip.Split | None = next((s for s in clip.SPLITS if folders[:1] == (s,)), None)
         labels = folders[1:] if split else folders
         if not labels:
             raise DataError("lies in no folder whose name is its action")
@@ -283,8 +282,8 @@ def _without_glitches(recording: Recording) -> Iterator[Recording | Dropped]:
 
 
 def _sentences_of(
-    sentences: Iterable[TaggedSentence], start: float, end: float, whole: bool
-) -> tuple[TaggedSentence, ...]:
+    sentences: Iterable[clip.TaggedSentence], start: float, end: float, whole: bool
+) -> tuple[clip.TaggedSentence, ...]:
     """Returns the sentences that hold of a part of a motion, in the part's own seconds.
 
     Args:
@@ -347,12 +346,12 @@ def _read_csv(path: Path) -> dict[str, _Annotations]:
             start, end = (_seconds(cells[name], where) for name in ("from", "to"))
             if start > 0 and not cells["to"]:  # until the end, once that is known
                 end = math.inf
-            entry.sentences.append(TaggedSentence(cells["caption"], "", start, end))
+            entry.sentences.append(clip.TaggedSentence(cells["caption"], "", start, end))
         entry.action = cells["action"] or entry.action
         if cells["split"]:
-            split: Split | None = next((s for s in SPLITS if s == cells["split"]), None)
+            split: clip.Split | None = next((s for s in clip.SPLITS if s == cells["split"]), None)
             if split is None:
-                expected = f"expected one of {', '.join(SPLITS)}"
+                expected = f"expected one of {', '.join(clip.SPLITS)}"
                 raise DataError(f"{where}: split {cells['split']!r}; {expected}")
             entry.split = split
     return dict(by_file)
@@ -367,7 +366,7 @@ def _read_babel(path: Path, names: Collection[str]) -> dict[str, _Annotations]:
         path: BABEL's train.json, val.json or test.json.
         names: Motion files; AMASS's archives lack the first folder of BABEL's paths.
     """
-    split: Split | None = next((s for s in SPLITS if s == path.stem), None)
+    split: clip.Split | None = next((s for s in clip.SPLITS if s == path.stem), None)
     by_file: dict[str, _Annotations] = {}
     with blamed_on(path, KeyError, TypeError, AttributeError, ValueError, problem=_NO_BABEL):
         for take in read_json_file(path).values():
@@ -379,7 +378,7 @@ def _read_babel(path: Path, names: Collection[str]) -> dict[str, _Annotations]:
                 where = f"{path}: {name}"
                 span = [_seconds(label.get(key), where) for key in ("start_t", "end_t")]
                 if label["raw_label"] != "transition":  # which says nothing of the motion
-                    entry.sentences.append(TaggedSentence(str(label["raw_label"]), "", *span))
+                    entry.sentences.append(clip.TaggedSentence(str(label["raw_label"]), "", *span))
     return by_file
 
 

@@ -31,7 +31,6 @@ from jaxtyping import Bool
 from latentmotion.data import instructions as held_out
 from latentmotion.data.clip import Clip
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.instructions import GROUPS, Check, Instruction, parse
 from latentmotion.errors import DataError, InputError
 from latentmotion.evaluation.instructions.detectors import Body, fulfills
 from latentmotion.evaluation.instructions.motions import MIN_FRAMES, Joints
@@ -48,7 +47,7 @@ class Pattern:
 
     group: str  # Its group of instructions.
     words: re.Pattern[str]  # Expression in a lower-case caption.
-    check: Check  # Check of the motion.
+    check: held_out.Check  # Check of the motion.
 
     def is_in(self, text: str) -> bool:
         """Returns whether a caption makes the claim; one of both sides claims no single side."""
@@ -64,14 +63,14 @@ class CaptionClaim:
     clip: str  # Name of the clip, or its label if the label makes the claim.
     caption: str  # The caption, or the clip's name if the label makes the claim.
     group: str  # Group of the claim.
-    check: Check  # Check of the motion.
+    check: held_out.Check  # Check of the motion.
     joints: Joints  # The motion.
 
 
 def patterns(of: Literal["captions", "labels"]) -> tuple[Pattern, ...]:
     """Returns the claims that are searched."""
     return tuple(
-        Pattern(row["group"], re.compile(row["pattern"]), parse(row["check"]))
+        Pattern(row["group"], re.compile(row["pattern"]), held_out.parse(row["check"]))
         for row in csv.DictReader(packaged_text(f"{of}.csv").splitlines())
     )
 
@@ -229,7 +228,7 @@ class Benchmark:
 def judge(
     subject: str,
     about: Mapping[str, str],
-    instructions: Sequence[Instruction],
+    instructions: Sequence[held_out.Instruction],
     motions: Sequence[Sequence[Joints]],
     real: Sequence[CaptionClaim] = (),
     trained: Mapping[str, Callable[[Joints], bool]] | None = None,
@@ -286,7 +285,7 @@ def body_of(joints: Joints) -> Body:
     return Body(joints)
 
 
-def outcome_of(instruction: Instruction, takes: Sequence[Body]) -> Outcome:
+def outcome_of(instruction: held_out.Instruction, takes: Sequence[Body]) -> Outcome:
     """Checks the takes of a prompt."""
     return Outcome(
         instruction.id,
@@ -299,7 +298,7 @@ def outcome_of(instruction: Instruction, takes: Sequence[Body]) -> Outcome:
 
 
 def chance_outcomes(
-    instructions: Sequence[Instruction], bodies: Sequence[Sequence[Body]]
+    instructions: Sequence[held_out.Instruction], bodies: Sequence[Sequence[Body]]
 ) -> list[Outcome]:
     """Checks motions of other groups' prompts, as many as each prompt has, always the same ones."""
     generator = np.random.default_rng(VERSION)
@@ -318,7 +317,7 @@ def chance_outcomes(
 def shares(outcomes: Sequence[Outcome]) -> dict[str, Share]:
     """Returns figures by group and overall; motions of one prompt or clip are dependent."""
     figures: dict[str, Share] = {}
-    for group in (*GROUPS, OVERALL):
+    for group in (*held_out.GROUPS, OVERALL):
         rows: dict[str, list[bool]] = {}
         for outcome in outcomes:
             if group in (outcome.group, OVERALL):
@@ -400,10 +399,10 @@ def packaged_text(name: str) -> str:
 
 
 @cache
-def instructions() -> tuple[Instruction, ...]:
+def instructions() -> tuple[held_out.Instruction, ...]:
     """Returns the list."""
     rows = csv.DictReader(packaged_text("checks.csv").splitlines())
-    checks = {row["id"]: parse(row["check"]) for row in rows}
+    checks = {row["id"]: held_out.parse(row["check"]) for row in rows}
     listed = held_out.instructions()
     return tuple(replace(instruction, check=checks[instruction.id]) for instruction in listed)
 

@@ -19,7 +19,6 @@ from latentmotion.model.card import LENGTHS_FILE, ModelCard, file_beside, find_m
 from latentmotion.model.config import DenoiserConfig, Sampling
 from latentmotion.motion import Motion
 from latentmotion.networks import checkpoint
-from latentmotion.networks.checkpoint import build
 from latentmotion.networks.denoiser import DenoiserNetwork
 from latentmotion.networks.vae.interface import mean_of_real
 from latentmotion.pipeline import sampler_of
@@ -237,13 +236,13 @@ def first_student(
         actual, expected = getattr(model.card, name), getattr(card, name)
         if actual != expected:
             raise ModelError(f"{start}: {name} {actual}, expected {expected}: of another teacher")
-    student = build(config)
+    student = checkpoint.build(config)
     checkpoint.load_weights(student, model.denoiser.state_dict(), str(start))
     return student
 
 
 def student_of(teacher: DenoiserNetwork, config: DenoiserConfig) -> DenoiserNetwork:
     """Returns a student whose output is its teacher's without guidance at any step condition."""
-    student = build(config)
+    student = checkpoint.build(config)
     student.load_state_dict({**student.state_dict(), **teacher.state_dict()})
     return student
