@@ -130,7 +130,7 @@ def test_a_data_source_is_prepared(installed: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("lap", "no data source 'lap'; did you mean 'lab'?"),
+        ("lap", "nothing is called 'lap'; did you mean 'lab'?"),
         ("bare", "the data source 'bare' lacks SOURCE and recordings"),
     ],
 )

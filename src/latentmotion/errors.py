@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TypeVar
+
+Entry = TypeVar("Entry")
 
 
 def hint(name: str, known: Iterable[str]) -> str:
@@ -80,3 +83,19 @@ class MissingProgramError(LatentMotionError):
 
 class ReadingWarning(UserWarning):
     """A motion file was read by a guess, or in spite of a small mistake in it."""
+
+
+def named(kind: str, name: str, table: Mapping[str, Entry]) -> Entry:
+    """Returns what a table has of a name.
+
+    Args:
+        kind: What the table is of, such as "preset".
+        name: The name.
+        table: All that have one.
+
+    Raises:
+        InputError: It is none of these; the nearest is named.
+    """
+    if name not in table:
+        raise InputError(f"unknown {kind} {name!r}; {hint(name, table)}")
+    return table[name]

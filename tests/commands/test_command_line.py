@@ -105,7 +105,7 @@ def test_options_of_one_name_look_the_same_in_every_verb(verb: str) -> None:
         ("train vae -d no -o out --preset", "--preset needs a value"),
         ("train vae -d no -o out", "no: expected a prepared data set"),
         ("data prepare uestc -o out", "FOLDER is missing"),
-        ("experiment run vae -d no -o out --rows real b", "experiment vae has no row 'b'"),
+        ("experiment run vae -d no -o out --rows real b", "unknown row 'b'"),
     ],
 )
 def test_mistakes_are_named(

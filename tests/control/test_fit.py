@@ -210,7 +210,7 @@ def test_a_part_of_the_same_motion_elsewhere_is_that_of_the_motion(name: str) ->
 @pytest.mark.parametrize(
     ("names", "reason"),
     [
-        (["left_hand"], "unknown part 'left_hand': did you mean 'left_arm'"),
+        (["left_hand"], "unknown part 'left_hand'; did you mean 'left_arm'"),
         (["left_arm", "upper_body"], "left_elbow belongs to both left_arm and upper_body"),
         ("left_arm", r"expected a list of names"),
     ],

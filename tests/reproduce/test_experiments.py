@@ -22,12 +22,12 @@ from benchmarks.training.curves import (
 from latentmotion.cli.main import main
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
-from latentmotion.errors import DataError, InputError
+from latentmotion.errors import DataError, InputError, named
 from latentmotion.evaluation.evaluators.interface import Recognition
 from latentmotion.evaluation.protocol import CLEAN, Repeats
 from latentmotion.model.config import TransformerVAEConfig
 from latentmotion.networks.checkpoint import build
-from latentmotion.reproduce.budget import BUDGETS, MODELS, PAPER, SMALL, Budget, Model, budget_named
+from latentmotion.reproduce.budget import BUDGETS, MODELS, PAPER, SMALL, Budget, Model
 from latentmotion.reproduce.markdown import (
     RowResult,
     TableResult,
@@ -39,7 +39,7 @@ from latentmotion.reproduce.markdown import (
 )
 from latentmotion.reproduce.plots import chosen, map_of, silhouette
 from latentmotion.reproduce.runner import TableRunner
-from latentmotion.reproduce.table import TABLES, Row, Table, rows_named, table_named
+from latentmotion.reproduce.table import TABLES, Row, Table, rows_named
 from latentmotion.reproduce.workspace import Workspace
 from latentmotion.storage.configuration import read_json
 from tests.support.moving_figures import write_moving_figures
@@ -113,8 +113,8 @@ def workspace_of(dataset: Dataset, folder: Path, told: list[str]) -> Workspace:
 
 
 def test_every_row_has_a_model_and_every_model_a_row() -> None:
-    named = {row.model for table in TABLES.values() for row in table.rows if row.model}
-    assert named == set(MODELS)
+    models = {row.model for table in TABLES.values() for row in table.rows if row.model}
+    assert models == set(MODELS)
     assert all(model.first in ("", *MODELS) for model in MODELS.values())
     for table in TABLES.values():
         names = [row.name for row in table.rows]
@@ -316,11 +316,11 @@ def test_a_table_prints_ours_beside_the_papers() -> None:
 
 def test_names_that_are_nearly_right() -> None:
     with pytest.raises(InputError, match="did you mean 'guidance'"):
-        table_named("guidence")
+        named("experiment", "guidence", TABLES)
     with pytest.raises(InputError, match="did you mean 'mld_7'"):
         rows_named(TABLES["vae"], ["mld7"])
     with pytest.raises(InputError, match="did you mean 'small'"):
-        budget_named("smal")
+        named("budget", "smal", BUDGETS)
 
 
 def test_the_list_tells_rows_and_minutes() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from latentmotion.evaluation.report import UNITS_OF_TABLES
-from latentmotion.reproduce.budget import BUDGETS, MODELS, PAPER, SMALL, budget_named
+from latentmotion.reproduce.budget import BUDGETS, MODELS, PAPER, SMALL
 from latentmotion.reproduce.markdown import (
     MINUTES,
     RowResult,
@@ -17,7 +17,7 @@ from latentmotion.reproduce.markdown import (
     overview,
     rows_of,
 )
-from latentmotion.reproduce.table import TABLES, Row, Table, rows_named, table_named
+from latentmotion.reproduce.table import TABLES, Row, Table, rows_named
 
 ROWS = (
     Row("real", "Real", "real", paper={"FID": 0.002, "R@1": 0.511}),
@@ -163,13 +163,13 @@ def test_a_line_tells_what_can_be_run() -> None:
 
 def test_names_find_what_bears_them() -> None:
     for name, table in TABLES.items():
-        assert table_named(name) is table and table.name == name
+        assert table.name == name
         names = [row.name for row in table.rows]
         assert len(set(names)) == len(names), name
         able = [row for row in table.rows if not row.missing]
         assert list(rows_named(table, [row.name for row in able])) == able
     for name, budget in BUDGETS.items():
-        assert budget_named(name) is budget and budget.name == name
+        assert budget.name == name
     assert list(BUDGETS.values()) == [PAPER, SMALL]
 
 

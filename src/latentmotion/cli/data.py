@@ -26,8 +26,7 @@ from latentmotion.data.report import PreparationReport, parts_of
 from latentmotion.data.sources import actor, cmu, hdm05, humanml3d, snu
 from latentmotion.data.sources.own import OwnMotions
 from latentmotion.data.store import MANIFEST, StoredNormalizer
-from latentmotion.errors import InputError, hint
-from latentmotion.plugins import plugin, plugin_names
+from latentmotion.errors import InputError
 from latentmotion.representation import representation_named
 from latentmotion.representation.humanml3d import HANDS_FEATURES, HUMANML3D_FEATURES, KIT_FEATURES
 from latentmotion.representation.interface import Representation
@@ -316,11 +315,7 @@ class PreparePlugin(_Prepare):
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        source = plugin("latentmotion.data_sources", self.source)
-        if source is None:
-            names = plugin_names("latentmotion.data_sources")
-            advice = hint(self.source, names) if names else "no plugin adds one"
-            raise InputError(f"no data source {self.source!r}; {advice}")
+        source = configuration.part_named("latentmotion.data_sources", self.source)
         if missing := [name for name in ("SOURCE", "recordings") if not hasattr(source, name)]:
             raise InputError(f"the data source {self.source!r} lacks {' and '.join(missing)}")
         representation = representation_named(self.representation)

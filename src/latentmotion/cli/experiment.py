@@ -13,7 +13,8 @@ from tyro.conf import Positional, arg
 
 from latentmotion.cli import options
 from latentmotion.diffusion.condition import TextEncoder
-from latentmotion.reproduce.table import TABLES, rows_named, table_named
+from latentmotion.errors import named
+from latentmotion.reproduce.table import TABLES, rows_named
 
 if TYPE_CHECKING:
     from latentmotion.reproduce.runner import TableRunner
@@ -37,7 +38,8 @@ class ListExperiments:
         """
         from latentmotion.reproduce.markdown import overview, rows_of
 
-        print(rows_of(table_named(self.name)) if self.name else overview(TABLES.values()))
+        name = self.name
+        print(rows_of(named("experiment", name, TABLES)) if name else overview(TABLES.values()))
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class JoinRuns:
         """
         from latentmotion.reproduce.runner import join_runs
 
-        page = join_runs(table_named(self.name), self.results, self.output)
+        page = join_runs(named("experiment", self.name, TABLES), self.results, self.output)
         print(page.read_text(encoding="utf-8"))
 
 
@@ -108,7 +110,7 @@ class RunExperiment:
         Raises:
             InputError: Table, row or budget is unknown, or the folder holds other runs.
         """
-        rows = rows_named(table_named(self.name), self.rows)
+        rows = rows_named(named("experiment", self.name, TABLES), self.rows)
         with self.opened() as runner:
             print(runner.run(rows).read_text(encoding="utf-8"))
 
@@ -132,9 +134,10 @@ class RunExperiment:
             folder = self.output / "text" / name.replace(":", "_").replace("/", "_")
             return CachedTextEncoder(text_encoder_named(name), folder)
 
-        table = table_named(self.name)
+        table = named("experiment", self.name, TABLES)
         with distributed_context(self.device) as context:
-            sizes = budget.budget_named(self.budget).of_table(self.name).changed(self.set)
+            budgeted = named("budget", self.budget, budget.BUDGETS)
+            sizes = budgeted.of_table(self.name).changed(self.set)
             data = Dataset.load(self.data)
             work = workspace.Workspace(
                 *(data, self.output, sizes, context, encoder, self.text_encoder),

@@ -36,7 +36,7 @@ from latentmotion.control.reach import (
     reach,
 )
 from latentmotion.engine.request import GenerationRequest
-from latentmotion.errors import InputError, hint
+from latentmotion.errors import InputError, named
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.inverse_kinematics import nearest_rotation
 from latentmotion.kinematics.skeleton import Joints, Skeleton
@@ -536,9 +536,7 @@ def parts_named(names: Sequence[str], skeleton: Skeleton) -> list[BodyPart]:
         raise InputError(f"parts is {names!r}: expected a list of names, such as [{names!r}]")
     chosen, owners = [], dict[str, str]()
     for name in names:
-        if name not in PARTS:
-            raise InputError(f"unknown part {name!r}: {hint(name, PARTS)}")
-        part = PARTS[name]
+        part = named("part", name, PARTS)
         lacking = [joint for joint in part.joints + part.carried_by if joint not in skeleton.names]
         if lacking:
             raise InputError(f"skeleton {skeleton.name!r} lacks {lacking[0]}, which {name} needs")

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 
 from latentmotion.arrays import unit
 from latentmotion.cleanup.floor import find_arms
-from latentmotion.errors import InputError, hint
+from latentmotion.errors import InputError, named
 from latentmotion.kinematics.bone_names import BEYOND_WRIST
 from latentmotion.kinematics.skeleton import Joints, Skeleton
 from latentmotion.motion import Motion
@@ -495,10 +495,8 @@ def _point_names(skeleton: Skeleton) -> tuple[str, ...]:
 
 
 def _joint(name: str, skeleton: Skeleton) -> int:
-    names = _point_names(skeleton)
-    if name not in names:
-        raise InputError(f"unknown joint {name!r}: {hint(name, names)}")
-    return names.index(name)
+    numbers = {point: number for number, point in enumerate(_point_names(skeleton))}
+    return named("joint", name, numbers)
 
 
 @lru_cache(maxsize=16)

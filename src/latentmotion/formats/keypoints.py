@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.errors import FileFormatError, InputError, ReadingWarning, hint
+from latentmotion.errors import FileFormatError, InputError, ReadingWarning, hint, named
 from latentmotion.formats.checks import numbers, read_lines, whole_rate
 from latentmotion.kinematics import keypoints
 from latentmotion.kinematics.standing import AXES, METERS_PER_UNIT, meters_per_unit, up_axis
@@ -147,12 +147,10 @@ def _keypoints(
     about_names = stated.names or values.get("names")
     if about_names is None:
         names = keypoints.layout_of(points.shape[1], points.shape[2])
-    elif (named := np.asarray(about_names)).ndim:
-        names = tuple(str(name) for name in named.ravel())
-    elif (layout := str(named)) in keypoints.LAYOUTS:
-        names = keypoints.LAYOUTS[layout]
+    elif (given := np.asarray(about_names)).ndim:
+        names = tuple(str(name) for name in given.ravel())
     else:
-        raise InputError(f"unknown layout {layout!r}: {hint(layout, keypoints.LAYOUTS)}")
+        names = named("layout", str(given), keypoints.LAYOUTS)
     notes: list[str] = []
     if confidence is None:
         confidence = np.ones(points.shape[:2])

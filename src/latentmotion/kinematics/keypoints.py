@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from latentmotion.errors import InputError, hint
+from latentmotion.errors import InputError, named
 from latentmotion.kinematics.bone_names import SIDES
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.storage.limits import FARTHEST, LEAST_FPS, MOST_FPS, MOST_FRAMES
@@ -174,8 +174,7 @@ def canonical_names(names: Sequence[str]) -> tuple[str, ...]:
         canonical.append("mid_shoulder" if openpose and plain == "neck" else plain)
     vocabulary = dict.fromkeys(name for layout in LAYOUTS.values() for name in layout)
     for name in canonical:
-        if name not in vocabulary:
-            raise InputError(f"unknown keypoint {name!r}: {hint(name, vocabulary)}")
+        named("keypoint", name, vocabulary)
     if len(set(canonical)) < len(canonical):
         twice = next(name for name in canonical if canonical.count(name) > 1)
         raise InputError(f"the keypoint {twice} is given twice")
@@ -192,15 +191,15 @@ def layout_of(count: int, coordinates: int = 2) -> tuple[str, ...]:
     Raises:
         InputError: No known layout has so many, or several do.
     """
-    named = {layout: names for layout, names in LAYOUTS.items() if len(names) == count}
-    if coordinates == 3 and len(named) > 1:
+    fitting = {layout: names for layout, names in LAYOUTS.items() if len(names) == count}
+    if coordinates == 3 and len(fitting) > 1:
         # What lifts pictures writes Human3.6M's 17 in 3D, in COCO's number and another order.
         raise InputError(
-            f"{count} points in 3D are {' or '.join(named)}, which have other orders; say which "
+            f"{count} points in 3D are {' or '.join(fitting)}, which have other orders; say which "
             "with --layout or names="
         )
-    if named:
-        return named.get("coco_17", next(iter(named.values())))
+    if fitting:
+        return fitting.get("coco_17", next(iter(fitting.values())))
     layouts = ", ".join(f"{len(names)} ({layout})" for layout, names in LAYOUTS.items())
     raise InputError(
         f"{count} keypoints without names: known are {layouts}; give their names, or --layout"

@@ -36,7 +36,7 @@ from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from latentmotion.diffusion.condition import TextEmbedding, stack
-from latentmotion.errors import InputError, MissingExtraError, ModelError
+from latentmotion.errors import InputError, MissingExtraError, ModelError, named
 
 FOLDER = "2_Dense"  # Where the layer is kept.
 
@@ -210,15 +210,13 @@ class PretrainedTextEncoder:
             MissingExtraError: `transformers` is not installed.
             ModelError: The source does not hold such a model or cannot be reached.
         """
-        if kind not in KINDS:
-            raise InputError(f"unknown text encoder {kind!r}; known are {', '.join(KINDS)}")
+        form = named("text encoder", kind, KINDS)
         if find_spec("transformers") is None:
             raise MissingExtraError(f"the text encoder {kind}", "transformers", "train")
-        path = source or (packaged_minilm() if kind == "minilm" else None) or KINDS[kind].hub_name
+        path = source or (packaged_minilm() if kind == "minilm" else None) or form.hub_name
         import transformers
 
         transformers.utils.logging.disable_progress_bar()
-        form = KINDS[kind]
         try:
             model_class = getattr(transformers, form.model_class)
             # Of pickled weights (.bin) tensors alone are read.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from latentmotion.errors import InputError, hint
+from latentmotion.errors import named
 
 if TYPE_CHECKING:
     from latentmotion.representation.interface import Representation
@@ -27,6 +27,4 @@ def representation_named(name: str) -> Representation:
         each.name: each
         for each in (HUMANML3D_FEATURES, HANDS_FEATURES, KIT_FEATURES, SMPL_FEATURES)
     }
-    if name in representations:
-        return representations[name]
-    raise InputError(f"unknown representation {name!r}; {hint(name, representations)}")
+    return named("representation", name, representations)

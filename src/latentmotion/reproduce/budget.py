@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from latentmotion.errors import InputError, hint
 from latentmotion.evaluation.protocol import Protocol, Repeats
 from latentmotion.model import config
 from latentmotion.storage.configuration import from_json
@@ -110,17 +109,6 @@ for _name, _row in packaged_toml(__file__, "budgets.toml").items():
     _adjusted["layers"] = {int(n): fewer for n, fewer in _row.pop("layers", {}).items()}
     BUDGETS[_name] = replace(from_json(Budget, {"name": _name, **_row}), **_adjusted)
 PAPER, SMALL = BUDGETS["paper"], BUDGETS["small"]
-
-
-def budget_named(name: str) -> Budget:
-    """Returns a budget.
-
-    Raises:
-        InputError: There is none of this name; the nearest is named.
-    """
-    if name not in BUDGETS:
-        raise InputError(f"unknown budget {name!r}; {hint(name, BUDGETS)}")
-    return BUDGETS[name]
 
 
 # Parts of an experiment that determine the first stage.

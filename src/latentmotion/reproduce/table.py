@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Literal
 
 from latentmotion.diffusion.samplers import SamplerName
-from latentmotion.errors import InputError, hint
+from latentmotion.errors import InputError, named
 from latentmotion.storage.configuration import from_json
 
 # Motions that a row measures: real ones, reconstructions, samples of the denoiser or of a VAE's
@@ -74,17 +74,6 @@ for _table in json.loads(Path(__file__).with_name("tables.json").read_text(encod
     TABLES[_table["name"]] = from_json(Table, _table)
 
 
-def table_named(name: str) -> Table:
-    """Returns a table.
-
-    Raises:
-        InputError: There is none of this name; the nearest is named.
-    """
-    if name not in TABLES:
-        raise InputError(f"unknown experiment {name!r}; {hint(name, list(TABLES))}")
-    return TABLES[name]
-
-
 def rows_named(table: Table, names: Sequence[str]) -> list[Row]:
     """Returns some rows of a table in its order, or those that can be run where none is named.
 
@@ -93,8 +82,6 @@ def rows_named(table: Table, names: Sequence[str]) -> list[Row]:
     """
     rows = {row.name: row for row in table.rows}
     for name in names:
-        if name not in rows:
-            raise InputError(f"experiment {table.name} has no row {name!r}; {hint(name, rows)}")
-        if rows[name].missing:
-            raise InputError(f"experiment {table.name}, row {name!r}: {rows[name].missing}")
+        if missing := named("row", name, rows).missing:
+            raise InputError(f"experiment {table.name}, row {name!r}: {missing}")
     return [row for row in table.rows if (row.name in names if names else not row.missing)]

@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float, Int
 
 from latentmotion.data.clip import Caption, Clip, mirror_words
 from latentmotion.data.dataset import Crop, Cropping, Dataset, items_of
-from latentmotion.errors import DataError, InputError, hint
+from latentmotion.errors import DataError, InputError, named
 from latentmotion.evaluation.evaluators import text_motion
 from latentmotion.evaluation.evaluators.text_motion_network import (
     FRAMES,
@@ -75,9 +75,7 @@ def recipe_named(name: str) -> EvaluatorExperiment:
     Raises:
         InputError: There is none of this name; the nearest is named.
     """
-    if name not in RECIPES:
-        raise InputError(f"unknown preset {name!r}; {hint(name, RECIPES)}")
-    return from_json(EvaluatorExperiment, {"name": name, **RECIPES[name]})
+    return from_json(EvaluatorExperiment, {"name": name, **named("preset", name, RECIPES)})
 
 
 LONGEST = 196  # Longest crop of any experiment, in frames.

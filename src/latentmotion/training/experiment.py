@@ -28,7 +28,7 @@ from latentmotion.arrays import unit
 from latentmotion.data.dataset import Cropping, Item
 from latentmotion.data.store import COMPOSED
 from latentmotion.diffusion.condition import TaskName, TextConditioning
-from latentmotion.errors import InputError, hint
+from latentmotion.errors import InputError, named
 from latentmotion.model.config import DenoiserConfig, Sampling, VAEConfig
 from latentmotion.networks.vae.interface import VAEObjective
 from latentmotion.retrieval.teach import support
@@ -256,9 +256,7 @@ def preset_named(name: str) -> Experiment:
             or does not fit.
     """
     if not name.lower().endswith((".json", ".toml")):
-        if name not in _TABLE:
-            raise InputError(f"unknown preset {name!r}; {hint(name, PRESETS)}")
-        return _with_base({"name": name, **_TABLE[name]})
+        return _with_base({"name": name, **named("preset", name, _TABLE)})
     path = Path(name)
     if path.suffix.lower() == ".json":
         data = read_plain(path)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from latentmotion.data.instructions import Check, Term
-from latentmotion.errors import InputError, hint
+from latentmotion.errors import named
 from latentmotion.plugins import entries
 
 FPS = 20.0  # Frames per second of all motions.
@@ -316,11 +316,10 @@ def fulfills(body: Body, check: Check) -> bool:
 
 
 def _events(body: Body, term: Term, either: bool = False) -> list[Span]:
-    if term.name not in ACTS:
-        raise InputError(f"unknown act {term.name!r}; {hint(term.name, [*ACTS, *CONDITIONS])}")
+    act = named("act", term.name, ACTS)
     side = term.words[0] if term.words else "any"
     detect = _OF_ONE_SIDE.get(term.name) if either and side in _OTHER else None
-    return (detect or ACTS[term.name])(body, side)
+    return (detect or act)(body, side)
 
 
 @_act("raise")
