@@ -70,7 +70,7 @@ from latentmotion.model import card as cards
 from latentmotion.model.config import Sampling
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
-from latentmotion.representation.interface import Representation
+from latentmotion.representation.interface import ClipFeatures, Representation
 from latentmotion.representation.smpl import SmplRepresentation
 from latentmotion.retrieval.doubts import DoubtWarning, Reading
 
@@ -729,7 +729,7 @@ class MotionPipeline(PickledByFields):
         steps: int | None = None,
         guidance: float | None = None,
         sampler: SamplerName | None = None,
-    ) -> list[Float[np.ndarray, "_ features"]]:
+    ) -> list[ClipFeatures]:
         """Generates features in their own units, (frames, features), before they become joints.
 
         Args:
@@ -748,7 +748,7 @@ class MotionPipeline(PickledByFields):
             GenerationRequest(tuple(prompts), tuple(frames), tuple(seeds), sampling)
         )
 
-    def generate(self, request: GenerationRequest) -> list[Float[np.ndarray, "_ features"]]:
+    def generate(self, request: GenerationRequest) -> list[ClipFeatures]:
         """Returns features in their own units, (frames, features), for each motion of a request.
 
         Raises:

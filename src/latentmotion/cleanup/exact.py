@@ -16,7 +16,7 @@ from dataclasses import asdict, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from latentmotion.kinematics.skeleton import Skeleton
+from latentmotion.kinematics.skeleton import BatchedJoints, Skeleton
 from latentmotion.language.claims import Count, Turn
 from latentmotion.measure.repetitions import COUNTED, Repetitions, repetitions
 from latentmotion.motion import Motion
@@ -228,11 +228,11 @@ _LEVEL = 0.7
 
 
 def exact_turns(
-    joints: Float[np.ndarray, "frames motions joints 3"],
+    joints: BatchedJoints,
     fps: float,
     skeleton: Skeleton,
     turns: Sequence[Turn | None],
-) -> tuple[Float[np.ndarray, "frames motions joints 3"], list[float | None]]:
+) -> tuple[BatchedJoints, list[float | None]]:
     """Makes motions turn by what is asked, where it is without doubt the turn that was asked.
 
     It is where they turn that way by half to twice as much, small angles by three times, and

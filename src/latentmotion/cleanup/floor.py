@@ -270,11 +270,11 @@ _SOLE, _RAISED = 0.015, (0.1, 0.15)
 
 
 def hold_seats(
-    joints: Float[np.ndarray, "frames motions joints 3"],
+    joints: BatchedJoints,
     fps: float,
     skeleton: Skeleton,
     lengths: Lengths = None,
-) -> Float[np.ndarray, "frames motions joints 3"]:
+) -> BatchedJoints:
     """Returns the joints with sitters that do not sink.
 
     Args:
@@ -321,7 +321,7 @@ def hold_seats(
 
 
 def _seated(
-    joints: Float[np.ndarray, "frames motions joints 3"],
+    joints: BatchedJoints,
     fps: float,
     skeleton: Skeleton,
     lengths: Lengths,

@@ -38,7 +38,6 @@ from latentmotion.cleanup.leg_ik import Leg, find_legs, keep_knee_direction, rea
 from latentmotion.cleanup.smoothing import upper_envelope
 from latentmotion.kinematics.skeleton import BatchedJoints, Skeleton
 
-Joints = Float[np.ndarray, "frames motions joints 3"]
 Shifts = Float[np.ndarray, "frames motions legs 3"]
 
 # Standard deviation, seconds, of the Gaussian g of the body's correction.
@@ -119,13 +118,13 @@ def lock_feet(
 
 
 def _posed(
-    joints: Joints,
+    joints: BatchedJoints,
     legs: Sequence[Leg],
     shifts: Shifts,
     fps: float,
     settings: FootLock,
     lengths: Lengths,
-) -> Joints:
+) -> BatchedJoints:
     """Returns the joints with each foot shifted, the pelvis lowered where it must be."""
     hips, knees, ankles, toes = np.array(
         [(leg.hip, leg.knee, leg.ankle, leg.pivots[-1]) for leg in legs]

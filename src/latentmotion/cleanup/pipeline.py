@@ -30,8 +30,6 @@ from latentmotion.language.claims import NO_CORRECTIONS, Corrections
 from latentmotion.motion import Motion
 from latentmotion.progress import counted
 
-Joints = Float[np.ndarray, "frames motions joints 3"]
-
 
 class CleanUpWarning(UserWarning):
     """A step was skipped or had to move joints far, or fewer repetitions fit than are asked for.
@@ -255,7 +253,7 @@ def _groups(motions: Sequence[Motion], cutoff: float) -> list[list[int]]:
     ]
 
 
-def _warn_of_far(before: Joints, joints: Joints, motions: Sequence[Motion]) -> None:
+def _warn_of_far(before: BatchedJoints, joints: BatchedJoints, motions: Sequence[Motion]) -> None:
     """Warns of joints that had to move far for constant bones."""
     moved = length(joints - before)
     for motion in np.flatnonzero(moved.max(axis=(0, 2)) > _FAR).tolist():
@@ -274,12 +272,12 @@ def _warn_of_far(before: Joints, joints: Joints, motions: Sequence[Motion]) -> N
 
 
 def _grounded(
-    joints: Joints,
+    joints: BatchedJoints,
     motions: Sequence[Motion],
     steps: CleanUp,
     on_floor: Bool[np.ndarray, " motions"],
     lengths: Lengths,
-) -> Joints:
+) -> BatchedJoints:
     """Puts figures on the floor, and holds their seats and feet."""
     fps, skeleton = motions[0].fps, motions[0].skeleton
     if steps.floor:

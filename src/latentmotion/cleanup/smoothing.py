@@ -44,13 +44,14 @@ from jaxtyping import Float
 from latentmotion.arrays import Lengths, dot, held, length, running_maximum
 from latentmotion.cleanup.contacts import ramp, velocity
 from latentmotion.kinematics.plausibility import unfinished
-from latentmotion.kinematics.skeleton import HUMANML3D, Joints, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, BatchedJoints, Joints, Skeleton
 from latentmotion.measure.signals import spans
 
+# Numbers of each frame.
+Values = Float[np.ndarray, "frames ..."]
 
-def smooth(
-    values: Float[np.ndarray, "frames ..."], fps: float, cutoff: float, lengths: Lengths = None
-) -> Float[np.ndarray, "frames ..."]:
+
+def smooth(values: Values, fps: float, cutoff: float, lengths: Lengths = None) -> Values:
     """Smooths along the first axis.
 
     Args:
@@ -71,11 +72,11 @@ _SHAKING = (0.0015, 0.0025)
 
 
 def steadied(
-    joints: Float[np.ndarray, "frames motions joints 3"],
+    joints: BatchedJoints,
     fps: float,
     cutoff: float,
     lengths: Lengths = None,
-) -> Float[np.ndarray, "frames motions joints 3"]:
+) -> BatchedJoints:
     """Smooths motions as far as they shake.
 
     Args:
@@ -112,9 +113,7 @@ def sharpened(joints: Joints, fps: float) -> Joints:
     return joints + _SHARP_GAIN * ramp(size, *_QUICK)[..., None] * quick
 
 
-def gaussian(
-    values: Float[np.ndarray, "frames ..."], deviation: float, lengths: Lengths = None
-) -> Float[np.ndarray, "frames ..."]:
+def gaussian(values: Values, deviation: float, lengths: Lengths = None) -> Values:
     """Returns Gaussian means along the first axis, both ends unchanged.
 
     Args:
@@ -139,9 +138,7 @@ def gaussian(
     return means
 
 
-def upper_envelope(
-    values: Float[np.ndarray, "frames ..."], reach: int, lengths: Lengths = None
-) -> Float[np.ndarray, "frames ..."]:
+def upper_envelope(values: Values, reach: int, lengths: Lengths = None) -> Values:
     """Returns a smooth curve that is nowhere below `values`: moving maximum, then moving mean.
 
     Args:

@@ -42,6 +42,7 @@ from latentmotion.control.reach import (
 from latentmotion.errors import InputError, ReadingWarning
 from latentmotion.kinematics.keypoints import (
     LIMBS,
+    KeypointPaths,
     Keypoints,
     grounded,
     joint_weights,
@@ -340,9 +341,7 @@ def white_noise(points: Float[np.ndarray, "frames keypoints n"]) -> float:
     return float(np.clip(deviation, _LEAST_NOISE, _MOST_NOISE))
 
 
-def body_scale(
-    points: Float[np.ndarray, "frames keypoints 3"], names: tuple[str, ...], noise: float
-) -> float:
+def body_scale(points: KeypointPaths, names: tuple[str, ...], noise: float) -> float:
     """Returns the size of the model's body beside the person's, by the lengths of limbs.
 
     Raises:

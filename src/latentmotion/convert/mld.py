@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -42,7 +41,7 @@ _FRAMES = {"text": (16, 196), "action": (60, 60)}
 _REPRESENTATIONS = {263: "humanml3d", 251: "kit", 150: "smpl"}
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Origin:
     """Facts about a checkpoint that it does not state; the defaults are the authors'."""
 

@@ -10,9 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from jaxtyping import Float
-
 from latentmotion.arrays import prefix_mask
 from latentmotion.diffusion.samplers import SeededNoise
 from latentmotion.engine.backend import FeatureDecoder, representation_of
@@ -21,7 +18,7 @@ from latentmotion.engine.session import Session
 from latentmotion.errors import ModelError
 from latentmotion.model.card import ModelCard
 from latentmotion.motion import Motion
-from latentmotion.representation.interface import Representation
+from latentmotion.representation.interface import ClipFeatures, Representation
 from latentmotion.representation.smpl import SmplRepresentation
 
 
@@ -62,9 +59,7 @@ class MotionPrior:
             for values, seed in zip(self.features(frames, seeds), seeds, strict=True)
         ]
 
-    def features(
-        self, frames: Sequence[int], seeds: Sequence[int]
-    ) -> list[Float[np.ndarray, "_ features"]]:
+    def features(self, frames: Sequence[int], seeds: Sequence[int]) -> list[ClipFeatures]:
         """Returns features in their own units, (frames, features), for each length and seed.
 
         Raises:

@@ -28,7 +28,6 @@ from pathlib import Path
 from statistics import fmean
 
 import torch
-from torch import nn
 from torch.nn.attention import SDPBackend, sdpa_kernel
 from torch.utils.flop_counter import FlopCounterMode
 
@@ -79,7 +78,7 @@ def flops(action: Callable[[], object]) -> int:
     return counter.get_total_flops()
 
 
-def parameters(network: nn.Module) -> int:
+def parameters(network: torch.nn.Module) -> int:
     """Returns the number of parameters; buffers, which are not learned, do not count."""
     return sum(parameter.numel() for parameter in network.parameters())
 

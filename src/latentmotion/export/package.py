@@ -29,7 +29,6 @@ import onnx
 import torch
 from safetensors.torch import save_file
 from tokenizers import Tokenizer
-from torch import Tensor, nn
 
 from latentmotion.diffusion.condition import Conditioning
 from latentmotion.diffusion.schedule import StepCondition
@@ -308,7 +307,7 @@ WEIGHTS_FILE = "text_encoder.safetensors"
 
 def export_student(
     network: StudentNetwork, tokenizer: Tokenizer, known_words: Iterable[str], folder: Path
-) -> nn.Module:
+) -> torch.nn.Module:
     """Writes `text_encoder.onnx`, `text_encoder.safetensors` and `tokenizer.json` of a student.
 
     Returns:
@@ -330,7 +329,7 @@ def export_student(
     return small
 
 
-def write_graph(network: nn.Module, card: dict[str, str], path: Path) -> None:
+def write_graph(network: torch.nn.Module, card: dict[str, str], path: Path) -> None:
     """Writes a network's graph, tokens, mask → pooled, words, with a card as its metadata."""
     tokens, mask = torch.zeros(2, 7, dtype=torch.long), torch.ones(2, 7, dtype=torch.bool)
     graphs.trace(network, {"tokens": tokens, "mask": mask}, path, ("pooled", "words"), card)
@@ -357,7 +356,7 @@ def export_pretrained(encoder: PretrainedTextEncoder, folder: Path) -> None:
     with atomic_file(folder / cards.TOKENIZER_FILE) as temporary:
         tokenizer.save(str(temporary), pretty=False)
 
-    def read(tokens: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    def read(tokens: torch.Tensor, mask: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         reading = encoder.kind.read(encoder.model, tokens, mask)
         return reading.pooled, reading.words
 

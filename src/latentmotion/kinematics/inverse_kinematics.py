@@ -49,7 +49,7 @@ from jaxtyping import Float
 from latentmotion.arrays import cross, quantile, unit
 from latentmotion.kinematics import rotations as rot
 from latentmotion.kinematics.bone_names import SIDES
-from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Joints, Skeleton
+from latentmotion.kinematics.skeleton import HUMANML3D, Animation, BatchedJoints, Joints, Skeleton
 
 # μ and κ.
 _PRIOR, _CONTINUITY = 0.1, 5.0
@@ -222,9 +222,7 @@ def solve(joints: Joints, fps: float, skeleton: Skeleton = HUMANML3D) -> Animati
     return solve_batch(joints[:, None], fps, skeleton)[0]
 
 
-def solve_batch(
-    joints: Float[np.ndarray, "frames motions joints 3"], fps: float, skeleton: Skeleton
-) -> list[Animation]:
+def solve_batch(joints: BatchedJoints, fps: float, skeleton: Skeleton) -> list[Animation]:
     """Finds the rotations of several motions, each as `solve` does; together takes less time."""
     return _Solver(np.asarray(joints, dtype=np.float64), fps, skeleton).animations()
 
@@ -232,9 +230,7 @@ def solve_batch(
 class _Solver:
     """State of the solution: directions of the bones, rest poses, world rotations so far."""
 
-    def __init__(
-        self, joints: Float[np.ndarray, "frames motions joints 3"], fps: float, skeleton: Skeleton
-    ) -> None:
+    def __init__(self, joints: BatchedJoints, fps: float, skeleton: Skeleton) -> None:
         self.joints, self.fps, self.skeleton = joints, fps, skeleton
         self.children = [skeleton.children(joint) for joint in range(len(skeleton))]
         self.branches = [j for j, children in enumerate(self.children) if len(children) > 1]

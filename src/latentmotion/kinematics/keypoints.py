@@ -22,6 +22,9 @@ from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.storage.limits import FARTHEST, LEAST_FPS, MOST_FPS, MOST_FRAMES
 from latentmotion.storage.reading import packaged_toml
 
+# Where keypoints are; a third number of 2D ones is 0.
+KeypointPaths = Float[np.ndarray, "frames keypoints 3"]
+
 
 def _names(text: str) -> tuple[str, ...]:
     """Returns the names of a layout: `@` is left, then right; `face*68` counts from 0."""
@@ -245,9 +248,7 @@ LIMBS = tuple(
 )
 
 
-def limb_ratio(
-    points: Float[np.ndarray, "frames keypoints 3"], names: Sequence[str], noise: float = 0.0
-) -> float | None:
+def limb_ratio(points: KeypointPaths, names: Sequence[str], noise: float = 0.0) -> float | None:
     """Returns how long limbs are beside an adult's; None where none is seen.
 
     Args:
@@ -268,9 +269,7 @@ def limb_ratio(
     return float(np.median(ratios)) if ratios else None
 
 
-def upward(
-    points: Float[np.ndarray, "frames keypoints 3"], names: Sequence[str]
-) -> Float[np.ndarray, "frames 3"]:
+def upward(points: KeypointPaths, names: Sequence[str]) -> Float[np.ndarray, "frames 3"]:
     """Returns unit vectors from the legs to the shoulders or the head; NaN where not seen."""
     low, high = (_middle(points, names, parts) for parts in (_LOW, _HIGH))
     line = high - low
@@ -289,9 +288,7 @@ def _middle(points: np.ndarray, names: Sequence[str], parts: Sequence[str]) -> n
     return np.full(points[:, 0].shape, np.nan)
 
 
-def grounded(
-    points: Float[np.ndarray, "frames keypoints 3"], names: Sequence[str], fps: float
-) -> tuple[Float[np.ndarray, "frames keypoints 3"], bool]:
+def grounded(points: KeypointPaths, names: Sequence[str], fps: float) -> tuple[KeypointPaths, bool]:
     """Returns points whose origin is between the hips, as MediaPipe's, with their path, y up.
 
     The lower foot stands: it does not move, so that the body does. The lowest point of both is on

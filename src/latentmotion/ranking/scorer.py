@@ -25,7 +25,7 @@ from latentmotion.model.card import SHIPPED, Provenance, shipped_text_encoder
 from latentmotion.motion import Motion, features_of
 from latentmotion.representation import representation_named
 from latentmotion.representation.humanml3d import HumanML3DRepresentation
-from latentmotion.representation.interface import Representation
+from latentmotion.representation.interface import ClipFeatures, Representation
 from latentmotion.storage.configuration import read_json
 
 FORMAT = 1  # Version of scorer.json.
@@ -129,9 +129,7 @@ class Scorer:
         """
         return self.embed([features_of(motion, self.representation) for motion in motions])
 
-    def embed(
-        self, features: Sequence[Float[np.ndarray, "_ features"]]
-    ) -> Float[np.ndarray, "motions width"]:
+    def embed(self, features: Sequence[ClipFeatures]) -> Float[np.ndarray, "motions width"]:
         """Returns the vectors of features in their own units.
 
         Frames after the last complete token of four are ignored.

@@ -29,6 +29,7 @@ from latentmotion.arrays import array_namespace, device
 from latentmotion.kinematics import rotations
 from latentmotion.kinematics.inverse_kinematics import nearest_rotation
 from latentmotion.kinematics.skeleton import Animation, Skeleton
+from latentmotion.representation.interface import AnyJoints
 
 # Standard deviation, frames, of the Gaussian with which HumanML3D smooths the heading.
 SMOOTHING_FRAMES = 20.0
@@ -41,9 +42,7 @@ def heading(joints: Float[Any, "*frames joints 3"], skeleton: Skeleton) -> Float
     return xp.atan2(across[..., 2], -across[..., 0])
 
 
-def smooth_heading(
-    joints: Float[Any, "frames joints 3"], skeleton: Skeleton
-) -> Float[Any, " frames"]:
+def smooth_heading(joints: AnyJoints, skeleton: Skeleton) -> Float[Any, " frames"]:
     """Returns the heading as HumanML3D's inverse kinematics measures it.
 
     There the hips arrive swapped, so that they work against the shoulders; published features
@@ -102,9 +101,7 @@ def _across(
 _SHORTEST = 0.02
 
 
-def retarget(
-    joints: Float[Any, "frames joints 3"], skeleton: Skeleton, leg: tuple[int, ...]
-) -> Float[Any, "frames joints 3"]:
+def retarget(joints: AnyJoints, skeleton: Skeleton, leg: tuple[int, ...]) -> AnyJoints:
     """Gives a body the bone lengths of a skeleton; bones keep their directions.
 
     The root trajectory is scaled by the ratio of the leg lengths, the source's in frame 0. A bone
@@ -139,9 +136,7 @@ def retarget(
     return xp.stack(placed, axis=1)
 
 
-def canonicalize(
-    joints: Float[Any, "frames joints 3"], skeleton: Skeleton
-) -> Float[Any, "frames joints 3"]:
+def canonicalize(joints: AnyJoints, skeleton: Skeleton) -> AnyJoints:
     """Moves the lowest point of a clip to the floor and its start to the origin, facing +z."""
     xp = array_namespace(joints)
     start = joints[0, 0, :]
@@ -175,7 +170,7 @@ def rotations_from(
 
 
 def bone_rotations(
-    bones: Float[Any, "frames joints 3"],
+    bones: AnyJoints,
     yaw: Float[Any, " frames"],
     directions: Float[np.ndarray, "joints 3"],
     above: tuple[int, ...],

@@ -25,7 +25,7 @@ from jaxtyping import Float
 from latentmotion.arrays import array_namespace
 from latentmotion.kinematics import skeleton
 from latentmotion.representation import canonical
-from latentmotion.representation.interface import Representation
+from latentmotion.representation.interface import AnyJoints, Features, Positions, Representation
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +52,11 @@ class HumanML3DRepresentation(Representation):
         pairs = zip(widths.items(), ends, strict=True)
         return {name: slice(end - width, end) for (name, width), end in pairs}
 
-    def retarget(self, joints: Float[Any, "frames joints 3"]) -> Float[Any, "frames joints 3"]:
+    def retarget(self, joints: AnyJoints) -> AnyJoints:
         """Gives a body of any size the canonical bone lengths and scales its path likewise."""
         return canonical.retarget(joints, self.skeleton, self.leg)
 
-    def encode(
-        self, joints: Float[Any, "frames joints 3"]
-    ) -> Float[Any, "frames_less_one features"]:
+    def encode(self, joints: AnyJoints) -> Float[Any, "frames_less_one features"]:
         """Returns the features of a clip, whatever its position and heading on the floor.
 
         Args:
@@ -78,7 +76,7 @@ class HumanML3DRepresentation(Representation):
         return self.describe(joints, xp.concat([xp.zeros_like(yaw[:1]), yaw[1:]]))
 
     def describe(
-        self, joints: Float[Any, "frames joints 3"], yaw: Float[Any, " frames"]
+        self, joints: AnyJoints, yaw: Float[Any, " frames"]
     ) -> Float[Any, "frames_less_one features"]:
         """Returns the features of a clip in canonical form whose heading is known.
 
@@ -113,9 +111,7 @@ class HumanML3DRepresentation(Representation):
         rows = [xp.reshape(block, (steps.shape[0], -1)) for block in blocks]
         return xp.astype(xp.concat(rows, axis=1), xp.float32)
 
-    def decode(
-        self, features: Float[Any, "*batch frames features"]
-    ) -> Float[Any, "*batch frames joints 3"]:
+    def decode(self, features: Features) -> Positions:
         """Integrates rotations and steps of the root and adds the joints around it.
 
         Rotations, velocities and contacts are not used. The clip starts above the origin.

@@ -19,6 +19,18 @@ from latentmotion.arrays import array_namespace, device
 from latentmotion.errors import InputError
 from latentmotion.kinematics.skeleton import Skeleton
 
+# Features of a motion beside others that are longer or shorter.
+ClipFeatures = Float[np.ndarray, "_ features"]
+
+# Positions of joints of motions, meters, an array of any library.
+Positions = Float[Any, "*batch frames joints 3"]
+
+# Those of one motion.
+AnyJoints = Float[Any, "frames joints 3"]
+
+# Features of motions, an array of any library.
+Features = Float[Any, "*batch frames features"]
+
 
 @dataclass(frozen=True, eq=False)
 class Representation(ABC):
@@ -42,30 +54,22 @@ class Representation(ABC):
         """The range of each block of features, by name; they cover the width once, in order."""
 
     @abstractmethod
-    def encode(
-        self, joints: Float[Any, "frames joints 3"]
-    ) -> Float[Any, "frames_less_one features"]:
+    def encode(self, joints: AnyJoints) -> Float[Any, "frames_less_one features"]:
         """Returns the features of a clip, whatever its position and heading; one frame less."""
 
     @abstractmethod
-    def decode(
-        self, features: Float[Any, "*batch frames features"]
-    ) -> Float[Any, "*batch frames joints 3"]:
+    def decode(self, features: Features) -> Positions:
         """Returns joints that start above the origin; differentiable in PyTorch."""
 
     @abstractmethod
-    def retarget(self, joints: Float[Any, "frames _ 3"]) -> Float[Any, "frames joints 3"]:
+    def retarget(self, joints: Float[Any, "frames _ 3"]) -> AnyJoints:
         """Gives a body of any size the skeleton's bone lengths."""
 
-    def restart(
-        self, features: Float[Any, "*batch frames features"]
-    ) -> Float[Any, "*batch frames features"]:
+    def restart(self, features: Features) -> Features:
         """Returns features cut from a longer clip as those of a clip that begins with them."""
         return features
 
-    def mirror(
-        self, features: Float[Any, "*batch frames features"]
-    ) -> Float[Any, "*batch frames features"]:
+    def mirror(self, features: Features) -> Features:
         """Swaps left and right: x changes its sign, joints and contacts their side."""
         xp = array_namespace(features)
         order, signs = self._mirror_map
@@ -77,7 +81,7 @@ class Representation(ABC):
     def _mirror_map(self) -> tuple[list[int], Float[np.ndarray, " features"]]:
         """The feature that each one comes from, and its sign."""
 
-    def check(self, joints: Float[Any, "frames joints 3"]) -> None:
+    def check(self, joints: AnyJoints) -> None:
         """Checks that joints can be encoded.
 
         Raises:
@@ -137,9 +141,7 @@ class Normalizer:
         return cls(np.zeros(width, np.float32), np.ones(width, np.float32))
 
     @classmethod
-    def fit(
-        cls, features: Sequence[Float[np.ndarray, "_ features"]], blocks: Mapping[str, slice]
-    ) -> Normalizer:
+    def fit(cls, features: Sequence[ClipFeatures], blocks: Mapping[str, slice]) -> Normalizer:
         """Measures a data set; a block's scale is the mean of its features' deviations.
 
         Args:

@@ -26,7 +26,7 @@ from latentmotion.kinematics.inverse_kinematics import solve
 from latentmotion.kinematics.rotations import matrix_from_sixd, sixd_from_matrix
 from latentmotion.kinematics.smpl import SmplModel
 from latentmotion.representation import canonical
-from latentmotion.representation.interface import Representation
+from latentmotion.representation.interface import AnyJoints, Features, Positions, Representation
 
 TOKENS = 25  # 24 joint rotations, and the root trajectory.
 
@@ -52,7 +52,7 @@ class SmplRepresentation(Representation):
         """One block per channel of the tokens."""
         return {name: slice(i * TOKENS, (i + 1) * TOKENS) for i, name in enumerate(_CHANNELS)}
 
-    def retarget(self, joints: Float[Any, "frames _ 3"]) -> Float[Any, "frames joints 3"]:
+    def retarget(self, joints: Float[Any, "frames _ 3"]) -> AnyJoints:
         """Retargets another body to the skeleton; its path is scaled by the ratio of the legs.
 
         Limbs keep their directions; hips and shoulders sit where the skeleton has them. A body
@@ -68,9 +68,7 @@ class SmplRepresentation(Representation):
         retargeted = self.skeleton.forward_kinematics(rotations, scale * body[:, 0])
         return xp.asarray(retargeted, device=device(joints))
 
-    def encode(
-        self, joints: Float[Any, "frames joints 3"]
-    ) -> Float[Any, "frames_less_one features"]:
+    def encode(self, joints: AnyJoints) -> Float[Any, "frames_less_one features"]:
         """Finds rotations that reach the joints, of a body that first faces the camera.
 
         Args:
@@ -94,9 +92,7 @@ class SmplRepresentation(Representation):
         trajectory = (positions[:, 0] - positions[0, 0]) * UPRIGHT
         return xp.asarray(smpl_features(rotations, trajectory)[:-1], device=device(joints))
 
-    def decode(
-        self, features: Float[Any, "*batch frames features"]
-    ) -> Float[Any, "*batch frames joints 3"]:
+    def decode(self, features: Features) -> Positions:
         """Poses the skeleton; the clip starts above the origin, at the height of standing."""
         xp = array_namespace(features)
         signs = xp.asarray(UPRIGHT, dtype=features.dtype, device=device(features))
@@ -104,9 +100,7 @@ class SmplRepresentation(Representation):
         start = xp.asarray([0.0, height, 0.0], dtype=features.dtype, device=device(features))
         return self.camera_joints(features) * signs + start
 
-    def camera_joints(
-        self, features: Float[Any, "*batch frames features"]
-    ) -> Float[Any, "*batch frames joints 3"]:
+    def camera_joints(self, features: Features) -> Positions:
         """Returns joints in the axes of the data, the root at zero in the first frame.
 
         These are what HumanAct12's classifier looks at.
@@ -115,7 +109,7 @@ class SmplRepresentation(Representation):
         return self.skeleton.forward_kinematics(rotations, root - root[..., :1, :])
 
     def pose(
-        self, features: Float[Any, "*batch frames features"]
+        self, features: Features
     ) -> tuple[Float[Any, "*batch frames 24 3 3"], Float[Any, "*batch frames 3"]]:
         """Returns the rotations of the joints and the root trajectory, in the axes of the data.
 
@@ -130,9 +124,7 @@ class SmplRepresentation(Representation):
         blank = xp.sum(sixd * sixd, axis=-1, keepdims=True) < 1e-12
         return matrix_from_sixd(xp.where(blank, identity, sixd), "rows"), root
 
-    def restart(
-        self, features: Float[Any, "*batch frames features"]
-    ) -> Float[Any, "*batch frames features"]:
+    def restart(self, features: Features) -> Features:
         """Moves the start of the root trajectory to zero."""
         xp = array_namespace(features)
         tokens = np.zeros((6, TOKENS), bool)

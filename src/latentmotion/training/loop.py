@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import torch
-from torch import nn
 from torch.nn.parallel import DistributedDataParallel
 
 from latentmotion.errors import LatentMotionError, ModelError
@@ -32,7 +31,7 @@ from latentmotion.training.distributed import DistributedContext, whole
 from latentmotion.training.experiment import TrainingSettings
 from latentmotion.training.run_folder import Journal, write_strip, write_tensors
 
-Network = TypeVar("Network", bound=nn.Module)
+Network = TypeVar("Network", bound=torch.nn.Module)
 
 
 class ExponentialMovingAverage(Generic[Network]):
@@ -102,7 +101,7 @@ def read_progress(folder: Path) -> Progress:
 def save_snapshot(
     folder: Path,
     progress: Progress,
-    network: nn.Module,
+    network: torch.nn.Module,
     average: ExponentialMovingAverage,
     optimizer: torch.optim.Optimizer,
     context: DistributedContext,
@@ -121,7 +120,7 @@ def save_snapshot(
 
 def load_snapshot(
     folder: Path,
-    network: nn.Module,
+    network: torch.nn.Module,
     average: ExponentialMovingAverage,
     optimizer: torch.optim.Optimizer,
 ) -> Progress:
@@ -165,7 +164,7 @@ def _progress_of(state: dict[str, Any]) -> Progress:
     return Progress(**{key: state[key] for key in Progress._fields})
 
 
-class Stage(nn.Module, ABC, Generic[Network]):
+class Stage(torch.nn.Module, ABC, Generic[Network]):
     """A training stage: losses of a step, figures on held-out data, samples."""
 
     network: Network  # The network that is optimized, averaged and saved.
@@ -229,7 +228,7 @@ def train(
 
 
 def optimize(
-    losses_of: nn.Module,
+    losses_of: torch.nn.Module,
     optimizer: torch.optim.Optimizer,
     settings: TrainingSettings,
     step: int,
@@ -242,7 +241,7 @@ def optimize(
     optimizer.zero_grad(set_to_none=True)
     losses["total"].backward()
     parameters = [p for group in optimizer.param_groups for p in group["params"]]
-    norm = whole(nn.utils.clip_grad_norm_(parameters, settings.gradient_clip or math.inf))
+    norm = whole(torch.nn.utils.clip_grad_norm_(parameters, settings.gradient_clip or math.inf))
     for group in optimizer.param_groups:
         group["lr"] = settings.rate(step)
     optimizer.step()

@@ -22,7 +22,6 @@ a caption and its mirrored copy, or an equal variation, are never on different s
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 import random
@@ -31,7 +30,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -485,7 +484,7 @@ class TextEncoderStage(Stage[StudentNetwork]):
         batches = (padded(ids[first : first + AT_ONCE]) for first in range(0, len(ids), AT_ONCE))
         pooled = [network(tokens.to(device), mask.to(device))[0] for tokens, mask in batches]
         figures = compare(torch.cat(pooled).cpu().numpy(), self._held_out.pooled)
-        return {k: v for k, v in dataclasses.asdict(figures).items() if k != "sentences"}
+        return {k: v for k, v in asdict(figures).items() if k != "sentences"}
 
 
 def train_text_encoder(
@@ -614,8 +613,8 @@ def write_card(
         "name": student.name,
         "teacher": "all-MiniLM-L6-v2" if teacher.startswith("minilm") else teacher,
         "license": LICENSE,
-        "recipe": dataclasses.asdict(recipe),
-        "held_out": dataclasses.asdict(figures),
+        "recipe": asdict(recipe),
+        "held_out": asdict(figures),
         "milliseconds_a_sentence": pace,
         "bytes": {p.name: p.stat().st_size for p in folder.iterdir() if p.name != CARD_FILE},
     }

@@ -20,6 +20,7 @@ from latentmotion.errors import FileFormatError, ModelError
 from latentmotion.model.card import SHIPPED
 from latentmotion.ranking.scorer import CARD_FILE as SCORER_FILE
 from latentmotion.ranking.scorer import Scorer
+from latentmotion.representation.interface import ClipFeatures
 from latentmotion.storage.reading import read_json_file
 
 EVALUATOR_FILE = "evaluator.json"  # File that makes a folder an evaluator.
@@ -46,9 +47,7 @@ class TextMotionEvaluator(Protocol):
         """Hash of weights and statistics, for reports."""
         ...
 
-    def motions(
-        self, features: Sequence[Float[np.ndarray, "_ features"]]
-    ) -> Float[np.ndarray, "items width"]:
+    def motions(self, features: Sequence[ClipFeatures]) -> Float[np.ndarray, "items width"]:
         """Returns the embeddings of motions, given in their own units; lengths may differ."""
         ...
 
@@ -79,7 +78,7 @@ class ActionEvaluator(Protocol):
         """Hash of weights and statistics, for reports."""
         ...
 
-    def __call__(self, features: Sequence[Float[np.ndarray, "_ features"]]) -> Recognition:
+    def __call__(self, features: Sequence[ClipFeatures]) -> Recognition:
         """Recognizes motions, given in their own units; lengths may differ."""
         ...
 
@@ -106,9 +105,7 @@ class ScorerEvaluator:
         """Hash of weights and statistics."""
         return self.scorer.card.fingerprint
 
-    def motions(
-        self, features: Sequence[Float[np.ndarray, "_ features"]]
-    ) -> Float[np.ndarray, "items width"]:
+    def motions(self, features: Sequence[ClipFeatures]) -> Float[np.ndarray, "items width"]:
         """Returns the vectors of motions, given in their own units."""
         return self.scorer.embed(features)
 

@@ -20,9 +20,7 @@ import numpy as np
 import onnx
 import torch
 from jaxtyping import Float
-from onnx import numpy_helper
 from safetensors.torch import save_file
-from torch import Tensor
 
 from latentmotion.data.clip import Caption
 from latentmotion.data.dataset import Dataset
@@ -44,7 +42,7 @@ from latentmotion.model.card import TEXT_GRAPH_FILE, TOKENIZER_FILE, Provenance
 from latentmotion.networks.checkpoint import load_weights, read_weights
 from latentmotion.ranking import scorer as scorers
 from latentmotion.ranking.search import training_vectors
-from latentmotion.representation.interface import Normalizer
+from latentmotion.representation.interface import ClipFeatures, Normalizer
 from latentmotion.storage.configuration import read_json, to_json, write_json
 from latentmotion.storage.files import atomic_folder
 
@@ -100,9 +98,7 @@ class T2MEvaluator:
         return digest.hexdigest()
 
     @torch.no_grad()
-    def motions(
-        self, features: Sequence[Float[np.ndarray, "_ features"]]
-    ) -> Float[np.ndarray, "items width"]:
+    def motions(self, features: Sequence[ClipFeatures]) -> Float[np.ndarray, "items width"]:
         """Returns the embeddings of motions, each as it would be alone.
 
         Frames after the last complete movement of four are ignored.
@@ -144,7 +140,7 @@ class T2MEvaluator:
         return np.concatenate(embeddings)[rows]
 
 
-def tensors_of(evaluator: T2MEvaluator) -> dict[str, Tensor]:
+def tensors_of(evaluator: T2MEvaluator) -> dict[str, torch.Tensor]:
     """Returns weights, statistics and word vectors by their names in the file."""
     statistics = {MEAN: evaluator.normalizer.mean, STD: evaluator.normalizer.std}
     arrays = {name: np.asarray(values, np.float32) for name, values in statistics.items()}
@@ -263,7 +259,7 @@ def export_scorer(
         features = torch.randn(2, 28, networks.config.features)
         mean, std = (torch.tensor(v) for v in (evaluator.normalizer.mean, evaluator.normalizer.std))
 
-        def motion_tower(features: Tensor, mask: Tensor) -> Tensor:
+        def motion_tower(features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
             """The motion tower, from features in their own units."""
             return networks.motions((features - mean) / std * mask[..., None], mask)
 
@@ -289,14 +285,14 @@ def pack_weights(graph: Path) -> None:
     model = onnx.load(graph)
     nodes: list[onnx.NodeProto] = []
     for tensor in [*model.graph.initializer]:
-        values, name = numpy_helper.to_array(tensor), tensor.name
+        values, name = onnx.numpy_helper.to_array(tensor), tensor.name
         if tensor.data_type != onnx.TensorProto.FLOAT or values.size < FEWEST or values.ndim < 2:
             continue
         inputs = 0 if values.ndim == 2 else tuple(range(1, values.ndim))
         scale = np.maximum(np.abs(values).max(axis=inputs, keepdims=True) / 127, 1e-12)
         packed = np.round(values / scale).astype(np.int8)
-        tensor.CopyFrom(numpy_helper.from_array(packed, f"{name}.packed"))
-        model.graph.initializer.append(numpy_helper.from_array(scale, f"{name}.scale"))
+        tensor.CopyFrom(onnx.numpy_helper.from_array(packed, f"{name}.packed"))
+        model.graph.initializer.append(onnx.numpy_helper.from_array(scale, f"{name}.scale"))
         nodes += scaled_rows(f"{name}.packed", f"{name}.scale", name)
     nodes += model.graph.node
     del model.graph.node[:]
