@@ -130,7 +130,7 @@ def test_a_data_source_is_prepared(installed: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("lap", "nothing is called 'lap'; did you mean 'lab'?"),
+        ("lap", "latentmotion.data_sources: nothing is called 'lap'; did you mean 'lab'?"),
         ("bare", "the data source 'bare' lacks SOURCE and recordings"),
     ],
 )

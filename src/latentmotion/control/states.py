@@ -31,21 +31,10 @@ from latentmotion.formats.tables import contact_events
 from latentmotion.kinematics.skeleton import Joints, joints_of_bones
 from latentmotion.motion import Motion
 from latentmotion.representation.canonical import heading, turn
+from latentmotion.storage.reading import packaged_toml
 
 # Sentence of each state that needs none, and whether it is a loop.
-KNOWN = {
-    "idle": ("a person stands still", True),
-    "walk": ("a person walks forward", True),
-    "run": ("a person runs forward", True),
-    "jog": ("a person jogs forward", True),
-    "walk backward": ("a person walks backward", True),
-    "jump": ("a person jumps", False),
-    "turn left": ("a person turns to the left", False),
-    "turn right": ("a person turns to the right", False),
-    "wave": ("a person waves with the right hand", False),
-    "kick": ("a person kicks with the right foot", False),
-    "punch": ("a person punches with the right hand", False),
-}
+KNOWN = packaged_toml(__file__, "states.toml")
 
 # Steps of each foot in a loop that travels.
 _CYCLES = 2

@@ -20,6 +20,7 @@ from latentmotion.engine.backend import Backend, Batch
 from latentmotion.errors import InputError, hint
 from latentmotion.model.card import ModelCard
 from latentmotion.model.config import LatentSpace, Sampling
+from latentmotion.storage.reading import packaged_toml
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,21 +226,7 @@ def each(seconds: float | Sequence[float | None] | None, count: int) -> list[flo
 
 
 # Names that other libraries have for arguments.
-OTHER_NAMES = {
-    "num_inference_steps": "steps",
-    "guidance_scale": "guidance",
-    "num_motions": "takes",
-    "num_images_per_prompt": "takes",
-    "num_videos_per_prompt": "takes",
-    "num_frames": "seconds",
-    "motion_length": "seconds",
-    "length": "seconds",
-    "duration": "seconds",
-    "generator": "seed",
-    "text": "prompt",
-    "prompts": "prompt",
-    "scheduler": "sampler",
-}
+OTHER_NAMES = packaged_toml(__file__, "arguments.toml")
 
 
 def check_arguments(unknown: Mapping[str, Any], **numbers: Any) -> None:

@@ -23,6 +23,7 @@ from latentmotion.kinematics.rotations import continuous_quaternions, quaternion
 from latentmotion.kinematics.skeleton import HUMANML3D, Animation, Skeleton
 from latentmotion.motion import Motion, animations
 from latentmotion.render.mannequin import ACCENT, GREY, Mannequin
+from latentmotion.storage.reading import packaged_toml
 
 # Meters below which two offsets are the same.
 _SAME = 1e-6
@@ -197,18 +198,9 @@ def _moves(animation: Animation) -> Bool[np.ndarray, " joints"]:
 
 
 # HumanML3D's joint → VRM's bone.
-_VRM_BONES = {
-    **{"pelvis": "hips", "spine1": "spine", "spine2": "chest", "spine3": "upperChest"},
-    **{"neck": "neck", "head": "head"},
-    **{
-        f"{side}_{ours}": side + bone
-        for side in SIDES
-        for ours, bone in (
-            *(("hip", "UpperLeg"), ("knee", "LowerLeg"), ("ankle", "Foot"), ("foot", "Toes")),
-            *(("collar", "Shoulder"), ("shoulder", "UpperArm"), ("elbow", "LowerArm")),
-            ("wrist", "Hand"),
-        )
-    },
+_VRM = packaged_toml(__file__, "vrm.toml")
+_VRM_BONES = _VRM["trunk"] | {
+    f"{side}_{ours}": side + bone for side in SIDES for ours, bone in _VRM["limbs"].items()
 }
 
 

@@ -12,13 +12,7 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
-from latentmotion.errors import (
-    DiskFullError,
-    FileFormatError,
-    InputError,
-    LatentMotionError,
-    MissingExtraError,
-)
+from latentmotion import errors
 from latentmotion.formats.takes import SkeletonTake
 from latentmotion.kinematics.skeleton import Animation, Skeleton
 from latentmotion.storage import array_files, children, limits, reading
@@ -39,7 +33,7 @@ def read_takes(path: str | Path) -> list[SkeletonTake]:
     """
     path, arrays, takes = Path(path), {}, []
     if find_spec("pxr") is None:
-        raise MissingExtraError("USD", "usd-core", "usd")
+        raise errors.MissingExtraError("USD", "usd-core", "usd")
     try:
         with tempfile.TemporaryDirectory() as folder:
             target = Path(folder) / "animations.npz"
@@ -53,19 +47,21 @@ def read_takes(path: str | Path) -> list[SkeletonTake]:
             if not done.returncode:
                 arrays = array_files.read_arrays(target, lambda name: True)
     except subprocess.TimeoutExpired as error:
-        raise FileFormatError(path, f"not read in {2 * limits.USD_SECONDS} s; damaged?") from error
+        raise errors.FileFormatError(
+            path, f"not read in {2 * limits.USD_SECONDS} s; damaged?"
+        ) from error
     except OSError as error:
         raise _no_room(path, error.strerror or str(error)) from error
     last = _last_line(path, done.stderr)
     if done.returncode == REFUSED:
-        raise FileFormatError(path, _last_line(path, done.stdout))
+        raise errors.FileFormatError(path, _last_line(path, done.stdout))
     if done.returncode == UNWRITTEN:
         raise _no_room(path, _last_line(path, done.stdout))
     if done.returncode < 0:  # a signal
         problem = f"USD's library ended with {done.returncode} ({last})"
-        raise FileFormatError(path, f"{problem}; the file is damaged, or too large")
+        raise errors.FileFormatError(path, f"{problem}; the file is damaged, or too large")
     if done.returncode:
-        raise InputError(
+        raise errors.InputError(
             f"{path}: not read, as the program that reads USD does not work here ({last}); this "
             "says nothing of the file: check `ulimit -v`, or run pip install "
             '"latentmotion[usd]" again'
@@ -78,7 +74,7 @@ def read_takes(path: str | Path) -> list[SkeletonTake]:
         animation = Animation(skeleton, arrays[f"rotations_{number}"], root, fps, moves)
         try:
             notes = reading.parse_json(str(arrays[f"notes_{number}"]), path)
-        except LatentMotionError:  # another program's
+        except errors.LatentMotionError:  # another program's
             notes = {}
         takes.append(SkeletonTake(animation, notes if isinstance(notes, dict) else {}))
     return takes
@@ -91,8 +87,8 @@ def _last_line(path: Path, output: bytes) -> str:
     return f"{line.replace(f'{path.absolute().parent}{os.sep}', ''):.300}"
 
 
-def _no_room(path: Path, problem: str) -> DiskFullError:
-    return DiskFullError(
+def _no_room(path: Path, problem: str) -> errors.DiskFullError:
+    return errors.DiskFullError(
         f"{path}: not read, as a temporary file cannot be written ({problem}); make room in "
         "TMPDIR, or let it name another folder"
     )

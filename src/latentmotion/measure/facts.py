@@ -9,10 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+from latentmotion.storage.reading import packaged_toml
+
 FPS = 20.0  # Frames per second of every motion that is described.
 
 LEFT, RIGHT, BOTH = "left", "right", "both"
 SIDES = (LEFT, RIGHT)
+
+TABLES = packaged_toml(__file__, "events.toml")  # Kinds of events, and what is part of what.
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from latentmotion.language.claims import kinds
-from latentmotion.measure.facts import BOTH, FPS, Description, Event, joined_moves
+from latentmotion.measure.facts import BOTH, FPS, TABLES, Description, Event, joined_moves
 
 STILL = 0.12  # Mean speed of hands, feet and head, m/s, below which a body stands still.
 
@@ -17,17 +17,7 @@ LIVELY = 0.45
 _SHORTEST_WAY = 0.5
 
 # Kinds of events that are only part of others, those others, and the frames between them.
-_SIDE_EFFECTS = (
-    (("raise",), ("wave", "arm_circle", "clap"), 0),
-    (("raise",), ("jump", "hop"), 8),
-    (("punch",), ("wave", "arm_circle", "raise"), 0),
-    (("squat", "bow"), ("jump", "hop"), 5),
-    (("bow",), ("kick", "sit_down", "stand_up"), 4),
-    (("knee", "balance"), ("kick", "hop"), 5),
-    (("squat",), ("kick", "climb"), 4),
-    (("knee", "bow", "balance"), ("climb",), 10),
-    (("hop",), ("kick",), 4),
-)
+_SIDE_EFFECTS = TABLES["side_effects"]["rows"]
 
 
 @dataclass(frozen=True)

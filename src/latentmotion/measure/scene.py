@@ -11,7 +11,7 @@ import numpy as np
 
 from latentmotion.kinematics.skeleton import Joints
 from latentmotion.measure import limbs, whole_body
-from latentmotion.measure.facts import FPS, LEFT, RIGHT, Description, Event, of_kind
+from latentmotion.measure.facts import FPS, LEFT, RIGHT, TABLES, Description, Event, of_kind
 from latentmotion.measure.signals import Signals, activity_of, measure, peaks, twist_of
 
 
@@ -29,23 +29,7 @@ def describe(joints: Joints) -> Measured:
 
 
 # What is measured by one detector, and the kinds of events that it finds.
-_SOURCES = (
-    ("moves", ("stand", "walk", "jog", "run")),
-    ("turns", ("turn",)),
-    ("postures", ("stand", "crouch", "bend", "kneel", "sit", "floor", "lie")),
-    ("jumps", ("jump", "hop")),
-    ("kicks", ("kick",)),
-    ("knees", ("knee",)),
-    ("balances", ("balance",)),
-    ("climbs", ("climb",)),
-    ("raises", ("raise",)),
-    ("waves", ("wave",)),
-    ("punches", ("punch",)),
-    ("arm_circles", ("arm_circle",)),
-    ("claps", ("clap",)),
-    ("changes", whole_body.CHANGES),
-    ("dips", ("squat", "bow", "pick_up")),
-)
+_SOURCES = TABLES["sources"]
 
 
 def _lazy(function: Callable[[Measured], Any]) -> Any:
@@ -79,7 +63,7 @@ class Measured(Description):
 
     def find(self, kind: str) -> tuple[Event, ...]:
         """Returns the moves, turns, postures and events of a kind, by start."""
-        facts = (getattr(self, name) for name, kinds in _SOURCES if kind in kinds)
+        facts = (getattr(self, name) for name, kinds in _SOURCES.items() if kind in kinds)
         return of_kind(chain.from_iterable(sorted(each, key=_order) for each in facts), kind)
 
     def all_of(self, *kinds: str) -> list[Event]:
@@ -92,7 +76,7 @@ class Measured(Description):
     @cached_property
     def events(self) -> tuple[Event, ...]:
         """All that is neither a move nor a turn nor a posture, by start."""
-        events = (event for source, _ in _SOURCES[3:] for event in getattr(self, source))
+        events = (event for source in list(_SOURCES)[3:] for event in getattr(self, source))
         return tuple(sorted(events, key=_order))
 
     @cached_property

@@ -25,6 +25,7 @@ from latentmotion.measure.signals import (
     valley,
     without_short_intervals,
 )
+from latentmotion.storage.reading import packaged_toml
 
 MOVING = 0.22  # Speed, m/s, above which a body goes somewhere.
 
@@ -139,25 +140,7 @@ KINDS = ("stand", "crouch", "bend", "kneel", "sit", "floor", "lie")
 _SHORTEST_POSE = 6
 
 # The change between two postures, with or without a short crouch or bow between them.
-_CHANGES = {
-    ("stand", "sit"): "sit_down",
-    ("stand", "floor"): "sit_down",
-    ("stand", "lie"): "lie_down",
-    ("sit", "lie"): "lie_down",
-    ("floor", "lie"): "lie_down",
-    ("stand", "kneel"): "kneel_down",
-    ("sit", "stand"): "stand_up",
-    ("floor", "stand"): "get_up",
-    ("lie", "stand"): "get_up",
-    ("lie", "sit"): "sit_up",
-    ("lie", "floor"): "sit_up",
-    ("kneel", "stand"): "stand_up",
-    ("kneel", "lie"): "lie_down",
-    ("kneel", "floor"): "sit_down",
-    ("lie", "kneel"): "get_up",
-}
-
-CHANGES = tuple(dict.fromkeys(_CHANGES.values()))  # Kinds of changes.
+_CHANGES = packaged_toml(__file__, "events.toml")["changes"]
 
 # Changes that may be only the first half of another.
 _FIRST_HALF = {"sit_down": "lie_down", "kneel_down": "lie_down", "sit_up": "get_up"}
@@ -204,7 +187,7 @@ def changes_of(postures: tuple[Event, ...]) -> list[Event]:
     ]
     held = [posture for posture in held if posture not in rises]
     for before, after in pairwise(held):
-        kind = _CHANGES.get((before.kind, after.kind))
+        kind = _CHANGES.get(before.kind, {}).get(after.kind)
         continued = _FIRST_HALF.get(changes[-1].kind) if changes else None
         end = min(after.start + 6, after.end)
         if kind and continued == kind and before.frames < 60:

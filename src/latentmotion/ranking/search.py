@@ -23,18 +23,10 @@ from jaxtyping import Float
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from latentmotion import formats
+from latentmotion import errors, formats
 from latentmotion.data.dataset import Dataset
 from latentmotion.data.recording import files_below
 from latentmotion.data.store import COMPOSED
-from latentmotion.errors import (
-    DataError,
-    InputError,
-    LatentMotionError,
-    MissingExtraError,
-    MissingProgramError,
-    ModelError,
-)
 from latentmotion.motion import Motion, features_of
 from latentmotion.progress import counted
 from latentmotion.ranking.scorer import CLIPS_FILE, UNIT, Scorer
@@ -107,7 +99,7 @@ class MotionIndex:
                 written.
         """
         if not Path(folder).is_dir():
-            raise InputError(f"{folder} is no folder; expected one of motion files")
+            raise errors.InputError(f"{folder} is no folder; expected one of motion files")
         endings = formats.readable()
         candidates = files_below(Path(folder), endings)
         paths = [
@@ -116,7 +108,7 @@ class MotionIndex:
             if not any(part.startswith(".") for part in path.relative_to(folder).parts)
         ]
         if not paths:
-            raise InputError(f"{folder} has no motion file: {' '.join(endings)}")
+            raise errors.InputError(f"{folder} has no motion file: {' '.join(endings)}")
         cached = _read(cache, scorer) if cache else {}
         files: dict[Path, IndexedFile] = {}
         for path in counted(paths, "indexing"):
@@ -159,7 +151,7 @@ class MotionIndex:
             InputError: `count` is below 1.
         """
         if count < 1:
-            raise InputError(f"{count} results: expected 1 or more")
+            raise errors.InputError(f"{count} results: expected 1 or more")
         hits = [
             Hit(Window(path, *span), score)
             for path, file in self.files.items()
@@ -181,9 +173,9 @@ def check_search(sentence: str, count: int) -> None:
         InputError: The sentence is empty or `count` below 1.
     """
     if not sentence.strip():
-        raise InputError("the sentence is empty; say what the person does")
+        raise errors.InputError("the sentence is empty; say what the person does")
     if count < 1:
-        raise InputError(f"{count} results: expected 1 or more")
+        raise errors.InputError(f"{count} results: expected 1 or more")
 
 
 def index_name(folder: Path, scorer: Scorer) -> str:
@@ -214,9 +206,10 @@ def _indexed(path: Path, size: int, changed: int, scorer: Scorer) -> IndexedFile
             for start, end in windows_of(len(features)):
                 spans.append((take, start / fps, end / fps))
                 parts.append(features[start:end])
-    except (MissingExtraError, MissingProgramError) as error:  # it may be installed next time
+    except (errors.MissingExtraError, errors.MissingProgramError) as error:
+        # It may be installed next time.
         return IndexedFile(-1, changed, (), empty, str(error))
-    except LatentMotionError as error:
+    except errors.LatentMotionError as error:
         return IndexedFile(size, changed, (), empty, str(error))
     # As it is kept, so that a cached index gives the same scores.
     vectors = scorer.embed(parts).astype(np.float16).astype(np.float32) if parts else empty
@@ -284,7 +277,7 @@ class TrainingVectors:
             InputError: `count` is below 1.
         """
         if count < 1:
-            raise InputError(f"{count} clips: expected 1 or more")
+            raise errors.InputError(f"{count} clips: expected 1 or more")
         cosines = self.vectors @ vector
         order = np.argsort(-cosines, kind="stable")[:count]
         return [(self.clips[row], float(cosines[row])) for row in order]
@@ -328,7 +321,7 @@ def read_training_vectors(scorer: Scorer) -> TrainingVectors:
     """
     path = scorer.folder / CLIPS_FILE
     if not path.is_file():
-        raise InputError(
+        raise errors.InputError(
             f"{scorer.folder} has no {CLIPS_FILE}; name the prepared training data by --data"
         )
     try:
@@ -340,7 +333,7 @@ def read_training_vectors(scorer: Scorer) -> TrainingVectors:
         if vectors.shape != (len(clips), scorer.card.width) or not np.isfinite(vectors).all():
             raise ValueError(f"{len(clips)} clips with vectors of shape {vectors.shape}")
     except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
-        raise ModelError(f"{path} is damaged ({error}); copy the folder again") from error
+        raise errors.ModelError(f"{path} is damaged ({error}); copy the folder again") from error
     return TrainingVectors(clips, vectors)
 
 
@@ -355,7 +348,7 @@ def training_vectors(data: Dataset, scorer: Scorer) -> TrainingVectors:
         DataError: There are no such clips, or the features are of another kind.
     """
     if data.representation.name != scorer.card.representation:
-        raise DataError(
+        raise errors.DataError(
             f"{data.folder} has features {data.representation.name!r}, the scorer reads "
             f"{scorer.card.representation!r}"
         )
@@ -363,7 +356,7 @@ def training_vectors(data: Dataset, scorer: Scorer) -> TrainingVectors:
         clip for clip in data.clips("train") if clip.source != COMPOSED and clip.frames >= UNIT
     ]
     if not clips:
-        raise DataError(f"{data.folder} has no recorded clip in its train split")
+        raise errors.DataError(f"{data.folder} has no recorded clip in its train split")
     names = tuple(KnownClip(clip.id, clip.source, clip.origin) for clip in clips)
     starts = range(0, len(clips), 256)
     rows = [scorer.embed([data.features(c) for c in clips[n : n + 256]]) for n in starts]

@@ -48,14 +48,8 @@ from latentmotion.language.words import inflect
 from latentmotion.networks.device import autocast
 from latentmotion.networks.pretrained_text import AT_ONCE, PretrainedTextEncoder
 from latentmotion.networks.text_encoder import NetworkShape, StudentNetwork, teacher_state
+from latentmotion.storage import reading
 from latentmotion.storage.files import atomic_folder, write_file
-from latentmotion.storage.reading import (
-    packaged_toml,
-    parse_json,
-    read_json_file,
-    read_text,
-    unpack_xz,
-)
 from latentmotion.training.distributed import DistributedContext
 from latentmotion.training.experiment import TrainingSettings, optimization
 from latentmotion.training.loop import Stage, train
@@ -124,9 +118,9 @@ def _compute_targets(
         tokens, mask = padded([ids[row] for row in rows])
         # Three times faster than float32; cosines change in the 5th digit.
         with autocast(device):
-            reading = teacher.kind.read(teacher.model, tokens.to(device), mask.to(device))
-        pooled[rows] = reading.pooled.float().cpu().numpy()
-        states = reading.words.float().cpu()
+            outputs = teacher.kind.read(teacher.model, tokens.to(device), mask.to(device))
+        pooled[rows] = outputs.pooled.float().cpu().numpy()
+        states = outputs.words.float().cpu()
         for row, state, real in zip(rows, states, mask, strict=True):
             words[starts[row] : starts[row + 1]] = state[real].numpy()
         if first // AT_ONCE % 100 == 0:
@@ -255,12 +249,16 @@ def read_captions(path: str | Path) -> list[TaggedCaption]:
     """
     path = Path(path)
     if path.is_dir():
-        texts = [read_text(file) for file in sorted(path.rglob("*.txt"))]
+        texts = [reading.read_text(file) for file in sorted(path.rglob("*.txt"))]
     elif not path.is_file():
         raise DataError(f"{path} does not exist; expected HumanML3D's texts folder or JSON file")
     else:
         packed = path.suffix == ".xz"
-        entries = parse_json(unpack_xz(path), path) if packed else read_json_file(path)
+        entries = (
+            reading.parse_json(reading.unpack_xz(path), path)
+            if packed
+            else reading.read_json_file(path)
+        )
         if not isinstance(entries, dict) or not all(
             isinstance(e, str | list) for e in entries.values()
         ):
@@ -626,7 +624,7 @@ def _ids(tokenizer: Tokenizer, sentences: Sequence[str]) -> list[list[int]]:
 
 
 # `subjects`, `synonyms`, `activities`, `manners`, and `frames` that verbs and activities fill.
-_WORDS = packaged_toml(__file__, "augmentation.toml")
+_WORDS = reading.packaged_toml(__file__, "augmentation.toml")
 
 _SUBJECT = re.compile(
     r"^(?:(?:a|an|the|this)\s+)?(?:standing\s+)?"

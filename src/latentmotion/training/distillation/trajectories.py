@@ -21,15 +21,9 @@ from safetensors.torch import load_file
 
 from latentmotion.arrays import prefix_mask
 from latentmotion.data.dataset import Crop
+from latentmotion.diffusion import samplers
 from latentmotion.diffusion.guidance import DistilledGuidance, guided
 from latentmotion.diffusion.parametrization import ParametrizedDenoiser
-from latentmotion.diffusion.samplers import (
-    Sampler,
-    SamplerName,
-    SeededNoise,
-    sampler_named,
-    trajectory,
-)
 from latentmotion.diffusion.schedule import Schedule, StepCondition
 from latentmotion.errors import InputError
 from latentmotion.model.card import ModelCard
@@ -78,7 +72,7 @@ class Teacher:
     few_step: FewStepConfig  # The stops at which latents are kept.
     prompts: ConditionTable  # Conditions of the prompts.
     device: torch.device  # Device of its computations.
-    solver: SamplerName  # Its rule of a step, of one pass.
+    solver: samplers.SamplerName  # Its rule of a step, of one pass.
     precision: Precision = "float32"  # Of the network's arithmetic; trajectories stay in float32.
 
     @torch.no_grad()
@@ -88,7 +82,7 @@ class Teacher:
         guidance = generator.uniform(*self.few_step.guidance, len(crops)).astype(np.float32)
         tokens = [self.card.latents.tokens_of(crop.frames) for crop in crops]
         seeds = generator.integers(2**32, size=len(crops)).tolist()
-        z = SeededNoise(seeds, tokens)((len(crops), max(tokens), self.card.latents.width))
+        z = samplers.SeededNoise(seeds, tokens)((len(crops), max(tokens), self.card.latents.width))
         mask = prefix_mask(torch.tensor(tokens))
         scale = torch.from_numpy(guidance)
         condition = self.prompts([crop.caption for crop in crops])
@@ -96,21 +90,20 @@ class Teacher:
         sampler, steps = self._sampler()
         guided = self.guided(scale.to(self.device))
         with autocast(self.device, self.precision):
-            states = [
-                z for _, z in trajectory(guided, sampler, start, condition, real, steps, nothing)
-            ]
+            chain = guided, sampler, start, condition, real, steps, nothing
+            states = [z for _, z in samplers.trajectory(*chain)]
         stops = [stop * steps // self.few_step.solver_steps for stop in self.few_step.stops]
         points = torch.stack([states[stop] for stop in stops], dim=1)
         rows = torch.arange(len(crops))
         return Trajectories(points, mask, scale, rows).to(torch.device("cpu"))
 
-    def _sampler(self) -> tuple[Sampler, int]:
+    def _sampler(self) -> tuple[samplers.Sampler, int]:
         """Returns the sampler and its number of steps."""
         few_step = self.card.few_step
         if few_step:
             steps = max(few_step.steps)
             return sampler_of(self.card, Sampling(steps, sampler="ddim")), steps
-        return sampler_named(self.solver, self.card.schedule), self.few_step.solver_steps
+        return samplers.sampler_named(self.solver, self.card.schedule), self.few_step.solver_steps
 
     def guided(self, scale: Float[torch.Tensor, " batch"]) -> ParametrizedDenoiser:
         """Returns the teacher's denoiser, guided by a scale for each item."""
