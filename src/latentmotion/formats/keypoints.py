@@ -147,10 +147,10 @@ def _keypoints(
     about_names = stated.names or values.get("names")
     if about_names is None:
         names = keypoints.layout_of(points.shape[1], points.shape[2])
-    elif (given := np.asarray(about_names)).ndim:
-        names = tuple(str(name) for name in given.ravel())
+    elif (array := np.asarray(about_names)).ndim:
+        names = tuple(str(name) for name in array.ravel())
     else:
-        names = named("layout", str(given), keypoints.LAYOUTS)
+        names = named("layout", str(array), keypoints.LAYOUTS)
     notes: list[str] = []
     if confidence is None:
         confidence = np.ones(points.shape[:2])
