@@ -6,7 +6,7 @@ have registered (`plugins.register`), which the package does when it is imported
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -267,11 +267,17 @@ class Motion:
 _TOGETHER = 32  # Motions that are worked on together at most, which bounds memory.
 
 
-def alike(motions: Sequence[Motion]) -> list[list[int]]:
-    """Returns which motions can be worked on together: those of one length, rate and skeleton."""
+def alike(motions: Sequence[Motion], length: Callable[[Motion], int] = len) -> list[list[int]]:
+    """Returns which motions can be worked on together: those of one length, rate and skeleton.
+
+    Args:
+        motions: The motions; the shortest come first.
+        length: What counts as their lengths.
+    """
     groups: dict[tuple[int, float, Skeleton], list[int]] = {}
-    for number, motion in enumerate(motions):
-        groups.setdefault((len(motion), motion.fps, motion.skeleton), []).append(number)
+    for number in sorted(range(len(motions)), key=lambda n: len(motions[n])):
+        motion = motions[number]
+        groups.setdefault((length(motion), motion.fps, motion.skeleton), []).append(number)
     return [
         every[first : first + _TOGETHER]
         for every in groups.values()

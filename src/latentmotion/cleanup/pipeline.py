@@ -25,9 +25,9 @@ from latentmotion.cleanup.loops import is_loop, rolled_up, turns_beside, unrolle
 from latentmotion.cleanup.smoothing import gaussian, settled, sharpened, steadied
 from latentmotion.errors import InputError
 from latentmotion.kinematics.plausibility import foot_sliding
-from latentmotion.kinematics.skeleton import BatchedJoints, Skeleton
+from latentmotion.kinematics.skeleton import BatchedJoints
 from latentmotion.language.claims import NO_CORRECTIONS, Corrections
-from latentmotion.motion import Motion
+from latentmotion.motion import Motion, alike
 from latentmotion.progress import counted
 
 
@@ -46,9 +46,6 @@ class CleanUpWarning(UserWarning):
 
 # Meters that a joint may move for constant bone lengths without a warning.
 _FAR = 0.25
-
-# Motions that are cleaned up together at most, which bounds memory.
-_TOGETHER = 32
 
 # Seconds that Gaussians reach at most, 0.75; that of `smooth` is 0.56 over its cutoff in hertz.
 _REACH = 1.0
@@ -240,17 +237,11 @@ def _groups(motions: Sequence[Motion], cutoff: float) -> list[list[int]]:
 
     Those shorter than what a Gaussian reaches are with their like, since it reaches less there.
     """
-    groups: dict[tuple[int, float, Skeleton], list[int]] = {}
-    for number in sorted(range(len(motions)), key=lambda number: len(motions[number])):
-        motion = motions[number]
-        short = len(motion) <= motion.fps * max(_REACH, _REACH / cutoff)
-        kind = len(motion) if short else 0, motion.fps, motion.skeleton
-        groups.setdefault(kind, []).append(number)
-    return [
-        every[first : first + _TOGETHER]
-        for every in groups.values()
-        for first in range(0, len(every), _TOGETHER)
-    ]
+
+    def own_length(motion: Motion) -> int:
+        return len(motion) if len(motion) <= motion.fps * max(_REACH, _REACH / cutoff) else 0
+
+    return alike(motions, own_length)
 
 
 def _warn_of_far(before: BatchedJoints, joints: BatchedJoints, motions: Sequence[Motion]) -> None:
