@@ -25,6 +25,7 @@ from latentmotion.language.reading import affirmed, asked_exactly, claims_of, re
         ("walks, doesn't run and then sits", "walks, then sits"),
         ("A Person WALKS, not fast, and waves", "A Person WALKS, and waves"),
         ("he avoids stepping on the lawn.", "a person stands"),
+        ("he avoids a snowball", "he avoids a snowball"),
         ("strolls about with no goal", "strolls about"),
         ("strikes a T-pose without moving the man's legs", "strikes a T-pose"),
         ("stands still, no movement at all", "stands still, no movement at all"),

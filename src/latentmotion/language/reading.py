@@ -132,7 +132,9 @@ def _negates(tokens: Sequence[Token], at: int) -> bool:
     """Whether a token begins a negation."""
     text, following, after = ([token.text for token in tokens[at : at + 3]] + [""] * 2)[:3]
     if text not in listed("negation"):
-        refuses = text in listed("refusal")
+        things = listed("determiner") | {"something", "someone", "somebody", "him", "her", "it"}
+        dodges = text.startswith("avoid") and following in things  # "avoids a snowball"
+        refuses = text in listed("refusal") and not dodges
         return refuses or (text in ("instead", "rather") and following in ("of", "than"))
     if text == "no" and following in ("", *_LEFT_OVER, *STOPS):
         return False  # an answer: "shakes the head no and crosses the arms"

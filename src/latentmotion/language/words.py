@@ -104,7 +104,7 @@ def parts_of(sentence: str) -> list[str]:
 def suffered(sentence: str) -> Mapping[str, str]:
     """Returns active forms of verbs that are done to somebody, and what else shows them there.
 
-    In "gets hit" and "shot in the chest", not in "kicked the ball".
+    In "gets hit", "shot in the chest" and "someone hits him", not in "kicked the ball".
     """
     words = words_of(sentence)
     active = words[1:2] and words[1] in listed("determiner") | listed("person")
@@ -112,13 +112,17 @@ def suffered(sentence: str) -> Mapping[str, str]:
     acted = {word for lead, word in leads if lead in listed("auxiliary")}
     verbs = data("words.toml")["done_to"]
     done = [verbs[word] for word in acted & verbs.keys()]
+    who, verb, whom, after = [*words, "", "", "", ""][:4]
+    ends = listed("preposition") | listed("boundary") | listed("particle") | {""}
+    if who in ("someone", "somebody") and whom in ("him", "her", "them") and after in ends:
+        done += [base for base in verbs.values() if verb in forms(base[0])]
     return {form: shows for base, shows in done for form in forms(base) if form != base}
 
 
 def refers_back(clause: str) -> bool:
     """Whether a clause needs what is before it: "lower it", "knocks again"."""
     words = words_of(clause)
-    return len(words) <= 3 and not {"it", "them", "again"}.isdisjoint(words)
+    return len(words) <= 4 and not {"it", "them", "again"}.isdisjoint(words)
 
 
 def clauses_of(sentence: str, is_known: Callable[[str], bool]) -> list[str]:

@@ -43,6 +43,7 @@ from latentmotion.retrieval.doubts import (
     fitting,
 )
 from latentmotion.retrieval.index import (
+    ABOUT,
     ALIKE_WORDS,
     DRAWN,
     OFTEN,
@@ -316,6 +317,8 @@ class Chooser(SentenceReader):
         support = self.index.support(sides, 0.0 if _claims(sentence) else RECORDING_MARGIN)
         near = [n for n in every if n.caption.support == SHOWN or _fits(n.caption.text, sentence)]
         near = fitting(near, sides, sentence, self.index)
+        if {*kinds("gait"), "move"} & _claims(sentence):
+            near = self._plainly(near, sentence)
         if done := suffered(sentence):  # how common it is to do it says nothing
             near = [n for n in near if suffered(n.caption.text) or n.cosine >= NEARLY_ALIKE]
             support = max((n.caption.support for n in near), default=support)
@@ -361,6 +364,23 @@ class Chooser(SentenceReader):
         if same is drawn and "turn" in _claims(sentence) - self._claims_of(drawn[0]):
             support = max(support, OFTEN)  # "rotate rightward" is no turn of the torso alone
         return Choice(tuple(self._on_side(n, sentence) for n in same), support, sentence)
+
+    def _plainly(self, near: list[Neighbor], sentence: str) -> list[Neighbor]:
+        """Returns clips near a gait but those drawn for more than it, none if they are much nearer.
+
+        Who "walks forward" does not walk "forward and back": noise makes a plain gait.
+        """
+        if len(clauses_of(sentence, self.is_word)) > 1:
+            return near
+        plain = [
+            n
+            for n in near
+            if n.caption.support != DRAWN
+            or n.cosine >= ALIKE_WORDS
+            or len(clauses_of(n.caption.text, self.is_word)) == 1
+        ]
+        far = plain and plain[0].cosine < near[0].cosine - ABOUT
+        return [] if far else plain
 
     def _names(self, captions: Sequence[str], clauses: Sequence[str]) -> bool:
         """Whether captions have the verb of each clause, in any form."""
