@@ -107,7 +107,7 @@ SAME_WORDING = 0.8
 SURE, LIKELY = 0.5, 0.3
 
 # The same of a sentence that claims something, but no count, no angle and no side that the movement
-# does not name; and of one that does name a side, is a part of another, or has further clauses.
+# does not name; and of one that is a part of another, has further clauses or a gait.
 CLAIMED, CERTAIN = 0.6, 0.85
 
 # Probability from which a sentence asks for what no body can do, and the same where it claims
@@ -234,12 +234,29 @@ class SentenceReader:
         """Returns a movement in words that the denoiser learned; None where its own are near them.
 
         What people say otherwise than captions do becomes the caption whose wording is nearest, or
-        the drawn movement that it names. Not so where it claims something that can be measured,
-        which the denoiser learned from sentences of all kinds, unless it certainly names one, and
-        where it names a side that the caption does not, or what is done to the person.
+        the drawn movement that it names; not so where it names a side that the caption does not, or
+        what is done to the person.
         """
-        if is_idle(tokens_of(sentence)):
+        named = None if is_idle(tokens_of(sentence)) else self._named(sentence, whole)
+        if named is None:
             return None
+        caption, sides = named.caption.text, named_sides(sentence)
+        if isinstance(named, Neighbor):
+            mirrored = named.mirrored
+        else:  # "looks left and right" has no side
+            sides = sides if len(sides) == 1 or named_sides(caption) else set[str]()
+            mirrored = sides not in (set(), named_sides(caption))
+        caption = mirror_words(caption) if mirrored else caption
+        if sides - named_sides(caption) or (suffered(sentence) and not suffered(caption)):
+            return None
+        return caption
+
+    def _named(self, sentence: str, whole: bool) -> ClassifiedMovement | Neighbor | None:
+        """Returns the movement that a sentence names in other words than captions do, if any.
+
+        One that claims something that can be measured names none, unless certainly: the denoiser
+        learned claims from sentences of all kinds.
+        """
         sides, claims = self._sides(sentence), request_of(sentence).claims
         near = self.index.nearest_by_wording(sides)
         if near is None:
@@ -247,59 +264,37 @@ class SentenceReader:
         same = near.caption.support <= SHOWN and near.cosine >= SAME_WORDING
         movement = self._classified(sentence)
         if claims:
-            exact = asked_exactly(sentence, any_length=True) != NO_CORRECTIONS
-            named = request_of(movement.caption.text).claims if movement else ()
-            sided = {claim.side for claim in claims} <= {"", *(claim.side for claim in named)}
-            gaits = {claim.kind for claim in claims if claim.kind in kinds("base")}
-            gestures = at_once(sentence) and gaits - {claim.kind for claim in named}
-            least = CLAIMED if whole and sided and not gestures else CERTAIN
-            certain = movement is not None and movement.probability >= least and not exact
-            if not (certain or same):
+            movement = movement if movement and _certainly(movement, sentence, whole) else None
+            if not (movement or same):
                 return None
-            movement = movement if certain else None
         literal = max(
             (self.index.nearest(self._sides(text), 1)[0] for text in lookups(sentence)),
             key=lambda neighbor: neighbor.cosine,
         )
-        common = near.caption.support > OFTEN
-        same = same or near.cosine >= max(SAME_WORDING, literal.cosine + RECORDING_MARGIN)
-        # A clip was shown for this movement, so it is meant, however well others fit; one that was
-        # drawn has short sentences, which are less near than wordings, and shows the movement where
-        # the wording's caption is too common for a start from its clip.
-        drawn = ABOUT if near.caption.support <= RARE else NEARER
-        farther = {SHOWN: 1.0, DRAWN: drawn}.get(literal.caption.support, 0.0)
-        single = len(clauses_of(sentence, self.is_word)) == 1
-        own = (
-            literal.caption.support <= SHOWN
-            and literal.caption.clip not in self.index.classified_clips
+        # A clip was shown for this movement, so it is meant, however well others fit.
+        own = literal.caption.support <= SHOWN and (
+            literal.caption.clip not in self.index.classified_clips
         )
-        if own and literal.is_near:
-            return None
-        if literal.cosine >= SAME_SENTENCE:
+        if literal.cosine >= SAME_SENTENCE or (own and literal.is_near):
             return None
         shown, said = near.caption.support == SHOWN, near.cosine >= SAME_SENTENCE
         if movement and movement.probability >= (CERTAIN if said else SURE) and not shown:
-            near = movement
-        elif (
-            (movement or single) and not (said or shown) and self._is_far(sentence, literal, sides)
-        ):
+            return movement
+        single = len(clauses_of(sentence, self.is_word)) == 1
+        if (movement or single) and not (said or shown) and self._is_far(sentence, literal, sides):
             # What nothing is near is read as what it likeliest names, and doubted.
-            near = _likeliest(movement, near, literal)
-        elif (
-            near.cosine < (NEAR_WORDING_OF_COMMON if common else NEAR_WORDING)
-            or literal.cosine >= (near.cosine if same else min(NEAR_CAPTION, near.cosine))
-            or (not same and literal.is_near and near.cosine <= literal.cosine + farther)
-        ):
+            return _likeliest(movement, near, literal)
+        if same or near.cosine >= max(SAME_WORDING, literal.cosine + RECORDING_MARGIN):
+            return near if near.cosine > literal.cosine else None
+        # One that was drawn has short sentences, which are less near than wordings, and shows the
+        # movement where the wording's caption is too common for a start from its clip.
+        drawn = ABOUT if near.caption.support <= RARE else NEARER
+        farther = {SHOWN: 1.0, DRAWN: drawn}.get(literal.caption.support, 0.0)
+        common = near.caption.support > OFTEN
+        least = NEAR_WORDING_OF_COMMON if common else NEAR_WORDING
+        if literal.cosine >= min(NEAR_CAPTION, near.cosine) or near.cosine < least:
             return None
-        caption, asked = near.caption.text, named_sides(sentence)
-        if near.mirrored if isinstance(near, Neighbor) else asked and asked != named_sides(caption):
-            caption = mirror_words(caption)
-        other = asked and asked != named_sides(caption)
-        if near is movement and not named_sides(caption):
-            other = len(asked) == 1  # "looks left and right" has no side
-        if other or (suffered(sentence) and not suffered(caption)):
-            return None
-        return caption
+        return None if literal.is_near and near.cosine <= literal.cosine + farther else near
 
     def _classified(self, sentence: str) -> ClassifiedMovement | None:
         """Returns the drawn movement that a sentence names, None if there is none for all of it.
@@ -447,6 +442,24 @@ def _edits(word: str) -> Iterator[str]:
             yield head + letter + tail
             if tail:
                 yield head + letter + tail[1:]
+
+
+def _certainly(movement: ClassifiedMovement, sentence: str, whole: bool) -> bool:
+    """Whether a sentence that claims something names a movement, so that it is read as it.
+
+    Not where it asks for an exact count or turn, for a side that the movement does not have, or for
+    a gait under a gesture.
+    """
+    claims, caption = request_of(sentence).claims, movement.caption.text
+    caption = mirror_words(caption) if movement.mirrored else caption
+    named = request_of(caption).claims
+    exact = asked_exactly(sentence, any_length=True) != NO_CORRECTIONS
+    exact = exact or any(claim.degrees for claim in claims)
+    sided = {claim.side for claim in claims} <= {"", *(claim.side for claim in named)}
+    gaits = {claim.kind for claim in claims if claim.kind in kinds("base")}
+    gesture = at_once(sentence) and gaits - {claim.kind for claim in named}
+    least = CLAIMED if whole and not gesture else CERTAIN
+    return movement.probability >= least and sided and not exact
 
 
 def _likeliest(
