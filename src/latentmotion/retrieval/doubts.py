@@ -102,8 +102,8 @@ NEARER = 0.2
 # whatever it claims: who wrote the wording knew what the clip shows.
 SAME_WORDING = 0.8
 
-# Probability from which a sentence surely names a drawn movement, right for 96 % of 600 prompts, and
-# from which it does likelier than any other, 79 % of those below.
+# Probability from which a sentence surely names a drawn movement, right for 96 % of 600 prompts,
+# and from which it does likelier than any other, 79 % of those below.
 SURE, LIKELY = 0.5, 0.3
 
 # The same of a sentence that claims something, but no count, no angle and no side that the movement
