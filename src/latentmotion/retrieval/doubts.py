@@ -106,9 +106,9 @@ SAME_WORDING = 0.8
 # and from which it does likelier than any other, 79 % of those below.
 SURE, LIKELY = 0.5, 0.3
 
-# The same of a sentence that claims something, but no count, no angle and no side that the movement
-# does not name; and of one that is a part of another, has further clauses or a gait.
-CLAIMED, CERTAIN = 0.45, 0.85
+# The same where a sentence is a part of another, has further clauses or a gait beside a gesture, or
+# where a wording of something else says it.
+CERTAIN = 0.85
 
 # Probability from which a sentence asks for what no body can do, and the same where it claims
 # something. Of 1,641 prompts that are none of the lists and were not doubted 2 % are, then.
@@ -278,7 +278,8 @@ class SentenceReader:
         if literal.cosine >= SAME_SENTENCE or (own and literal.is_near):
             return None
         shown, said = near.caption.support == SHOWN, near.cosine >= SAME_SENTENCE
-        if movement and movement.probability >= (CERTAIN if said else LIKELY) and not shown:
+        least = CERTAIN if said else SURE if near.cosine >= SAME_WORDING else LIKELY
+        if movement and movement.probability >= least and not shown:
             return movement
         single = len(clauses_of(sentence, self.is_word)) == 1
         if (movement or single) and not (said or shown) and self._is_far(sentence, literal, sides):
@@ -365,7 +366,7 @@ class SentenceReader:
             surely = movement is not None and movement.probability >= SURE
             kind, probability = self.index.outside_kind(vectors)
             least = OUTSIDE_THOUGH_CLAIMED if request_of(part).claims else OUTSIDE
-            alone = len(parts) == 1 and neighbor.cosine < SAME_SENTENCE
+            alone = len(parts) == 1 and neighbor.cosine < SAME_SENTENCE and "like" not in words
             if alone and probability >= least:
                 return Doubt(part.strip(), outside_kinds()[kind]["says"], caption)
             if near or surely or wording.cosine >= SAID_OTHERWISE:
@@ -458,7 +459,7 @@ def _certainly(movement: ClassifiedMovement, sentence: str, whole: bool) -> bool
     sided = {claim.side for claim in claims} <= {"", *(claim.side for claim in named)}
     gaits = {claim.kind for claim in claims if claim.kind in kinds("base")}
     gesture = at_once(sentence) and gaits - {claim.kind for claim in named}
-    least = CLAIMED if whole and not gesture else CERTAIN
+    least = SURE if whole and not gesture else CERTAIN
     return movement.probability >= least and sided and not exact
 
 
