@@ -107,8 +107,8 @@ SAME_WORDING = 0.8
 SURE, LIKELY = 0.5, 0.3
 
 # The same where a sentence is a part of another, has further clauses or a gait beside a gesture, or
-# where a wording of something else says it.
-CERTAIN = 0.85
+# where a caption of a recording is at least so near.
+CERTAIN, NEAR_RECORDING = 0.85, 0.88
 
 # Probability from which a sentence asks for what no body can do, and the same where it claims
 # something. Of 1,641 prompts that are none of the lists and were not doubted 2 % are, then.
@@ -278,7 +278,9 @@ class SentenceReader:
         if literal.cosine >= SAME_SENTENCE or (own and literal.is_near):
             return None
         shown, said = near.caption.support == SHOWN, near.cosine >= SAME_SENTENCE
-        least = CERTAIN if said else SURE if near.cosine >= SAME_WORDING else LIKELY
+        least = SURE if max(near.cosine, literal.cosine) >= SAME_WORDING else LIKELY
+        if literal.caption.support > SHOWN and literal.cosine >= NEAR_RECORDING:
+            least = CERTAIN
         if movement and movement.probability >= least and not shown:
             return movement
         single = len(clauses_of(sentence, self.is_word)) == 1
