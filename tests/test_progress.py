@@ -90,7 +90,7 @@ def test_an_error_leaves_no_bar(terminal: Terminal) -> None:
 def test_verbs_show_it_unless_they_print_json(
     terminal: Terminal, tmp_path: Path, json: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("latentmotion.cleanup.pipeline._TOGETHER", 1)
+    monkeypatch.setattr("latentmotion.motion._TOGETHER", 1)
     verb = ["generate", "a person walks", "a person sits down", "--best-of", "1", "-o"]
     with redirect_stderr(terminal):
         main([*verb, str(tmp_path / "a.npz"), *json])
