@@ -45,7 +45,7 @@ from latentmotion.language.words import words_of
 from latentmotion.model.card import MOVES_FILE, find_model
 from latentmotion.networks.checkpoint import load_model
 from latentmotion.networks.vae.interface import MotionVAE
-from latentmotion.retrieval.doubts import SURE, outside_kinds
+from latentmotion.retrieval.doubts import SURE
 from latentmotion.retrieval.index import (
     ALL_DIRECTIONS,
     DRAWN,
@@ -54,6 +54,7 @@ from latentmotion.retrieval.index import (
     NO_CLASSIFIER,
     ClipIndex,
     SentenceClassifier,
+    outside_kinds,
     quantized,
     read_index,
 )

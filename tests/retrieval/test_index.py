@@ -161,8 +161,10 @@ def test_classifiers_of_sentences_are_written_and_joined(tmp_path):
     for sentence, probable in (([[1.0, 0]], False), ([[0, 1.0]], True)):
         kind, probability = again.outside_kind(np.array(sentence))
         assert (kind, probability > 0.5) == (3, probable)
-    with pytest.raises(InputError, match="do not fit"):
-        replace(index, classifier=replace(classifier, labels=np.array([1, 2], np.int32)))
+    wrong = [("classifier", [1, 2]), ("classifier", [-1, 0]), ("outside", [-2, 0])]
+    for name, labels in [*wrong, ("outside", [0, 60])]:
+        with pytest.raises(InputError, match="do not fit"):
+            replace(index, **{name: replace(classifier, labels=np.array(labels, np.int32))})
 
 
 def test_an_index_along_few_directions_is_joined_with_one_along_all():

@@ -115,6 +115,11 @@ def test_what_nothing_is_near_is_doubted_and_made_as_what_is_nearest(fast, sente
     assert says in reading.caption and says in choice.neighbors[0].caption.text
 
 
+def test_a_doubt_names_what_is_made(fast):
+    reading = fast.read("two dolphins leap out of the water")
+    assert reading.doubt and reading.doubt.nearest == reading.caption
+
+
 @pytest.mark.parametrize(
     ("sentence", "name"),
     [

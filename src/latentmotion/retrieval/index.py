@@ -11,11 +11,12 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import tomllib
 import zlib
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +90,11 @@ _BLOCK = 1 << 18
 # Sentences whose cosines with all captions are kept, some 40 kB each.
 _KEPT = 32
 
-_MOST_KINDS = 100  # Kinds of what no body can do.
+
+@cache
+def outside_kinds() -> Sequence[Mapping[str, Any]]:
+    """Returns the kinds of what no body can do: name, words, and what to say."""
+    return tomllib.loads(Path(__file__).with_name("outside.toml").read_text("utf-8"))["kind"]
 
 
 @dataclass(frozen=True)
@@ -158,13 +163,11 @@ class SentenceClassifier:
         values = np.exp(values - values.max(axis=1, keepdims=True))
         return values / values.sum(axis=1, keepdims=True)
 
-    def fits(self, width: int, most: int) -> bool:
-        """Whether sizes are those of embeddings of a width, and labels lie below `most`."""
-        rank, classes = self.outward.shape
-        sizes = self.inward.shape == (width, rank) and len(self.bias) == len(self.labels) == classes
-        return not self.labels.size or (
-            sizes and -1 <= self.labels.min() <= self.labels.max() < most
-        )
+    def fits(self, width: int, labels: range) -> bool:
+        """Whether sizes are those of embeddings of a width, and all labels are among these."""
+        (rank, classes), numbers = self.outward.shape, self.labels.tolist()
+        sizes = self.inward.shape == (width, rank) and len(self.bias) == len(numbers) == classes
+        return not numbers or (sizes and all(number in labels for number in numbers))
 
     def coded(self, name: str) -> dict[str, np.ndarray]:
         """Returns arrays of a file: both matrices in 8 bits, with the steps of their columns."""
@@ -233,8 +236,8 @@ class ClipIndex:
     # captions that were left out (`teach.py`).
     words: Mapping[str, int]
     # Which drawn movement a sentence names, by the numbers of the captions that name them; fitted
-    # to all their sentences. Of 600 prompts by somebody who saw 300 names alone 85 % are classified
-    # rightly, where p is 0.5 or more 95 % (`python -m benchmarks.quality.movements fast`).
+    # to all their sentences. Of 600 prompts by somebody who saw 300 names alone 92 % are classified
+    # rightly, where p is 0.5 or more 97 % (`python -m benchmarks.quality.movements fast`).
     classifier: SentenceClassifier = NO_CLASSIFIER
     # Which kind of `outside.toml` a sentence asks for that no body can do; -1 stands for none.
     outside: SentenceClassifier = NO_CLASSIFIER
@@ -255,8 +258,8 @@ class ClipIndex:
         named = 0 <= self.wordings.min(initial=0) <= self.wordings.max(initial=0)
         named = named and self.wordings.max(initial=0) < len(self.captions)
         width = len(self.directions) or self.embeddings.shape[1]
-        classified = self.classifier.fits(width, len(self.captions))
-        classified = classified and self.outside.fits(width, _MOST_KINDS)
+        classified = self.classifier.fits(width, range(len(self.captions)))
+        classified = classified and self.outside.fits(width, range(-1, len(outside_kinds())))
         if not (rows_fit and named and clips_fit and classified):
             raise InputError("clips and captions of an index do not fit its arrays")
         for caption in self.captions:
@@ -382,7 +385,7 @@ class ClipIndex:
 
     @cached_property
     def classified_clips(self) -> frozenset[int]:
-        """Numbers of the clips that the regression of movements knows."""
+        """Numbers of the clips that the classifier of movements knows."""
         return frozenset(self.captions[number].clip for number in self.classifier.labels)
 
     @cached_property
