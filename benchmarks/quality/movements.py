@@ -3,8 +3,8 @@
     python -m benchmarks.quality.movements fast
 
 600 prompts for 300 drawn movements, by a language model that saw the movements' names alone
-(November 27, 2026); no index is fitted to them. The margin of recordings and the rank of the
-classifier were chosen by them, a point or two.
+(November 27, 2026); no index is fitted to them. The margin of recordings, and rank and thresholds
+of the classifier, were chosen by them, a point or two.
 """
 
 from __future__ import annotations
