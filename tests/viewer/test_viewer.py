@@ -83,6 +83,16 @@ def test_a_hostile_caption_stays_text():
     assert payload(page)["motions"][0]["caption"] == HOSTILE
 
 
+def test_what_was_not_known_is_said_below_the_caption():
+    doubt = 'not sure about "golf" (far from all captions)'
+    motions = [
+        replace(walking(), metadata={"notes": notes}) for notes in ([doubt, 3, HOSTILE], [doubt], 7)
+    ]
+    elements = Elements(page_html(motions))
+    assert "".join(elements.text["p"]) == f"{doubt}\n{HOSTILE}"
+    assert not Elements(page_html([walking()])).text.get("p", [""])[0]
+
+
 @pytest.mark.parametrize("size", [1.0, 30.0])
 def test_positions_survive_within_half_a_millimeter(size):
     motion = walking(4.0, speed=9.0)

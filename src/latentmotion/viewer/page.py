@@ -17,6 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
@@ -89,12 +90,20 @@ def page_html(
         entry["marks"] = marks_of(motion)
     if figure != "mannequin":
         content["figure"] = figure if isinstance(figure, str) else figure.content()
-    return filled_page(motions[0].caption or "Latent Motion", json_in_html(content))
+    title, notes = motions[0].caption or "Latent Motion", chain.from_iterable(map(_notes, motions))
+    return filled_page(title, json_in_html(content), "\n".join(dict.fromkeys(notes)))
 
 
-def filled_page(title: str, motions: str) -> str:
-    """Returns the page with its script, around what `json_in_html` returns of motions."""
+def filled_page(title: str, motions: str, notes: str = "") -> str:
+    """Returns the page with its script, around what `json_in_html` returns of motions.
+
+    Args:
+        title: Of the page.
+        motions: What `json_in_html` returns.
+        notes: What was not known, or read otherwise, a line each.
+    """
     fields = {"title": html.escape(title), "motions": motions, "script": packed_script()}
+    fields["notes"] = html.escape(notes)
     return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], _resource("template.html"))
 
 
@@ -117,7 +126,8 @@ def split_page(style: str, script: str) -> tuple[str, str]:
     before, head, css, body, end = parts.groups()
     link = f'<link rel="stylesheet" href="{style}">'
     page = f'{before}{head}{link}{body}<script src="{script}"></script>{end}'
-    return page.replace("{{title}}", "Latent Motion").replace("{{motions}}", ""), css
+    fields = {"title": "Latent Motion", "motions": "", "notes": ""}
+    return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], page), css
 
 
 def write_page(
@@ -250,6 +260,12 @@ def marks_of(motion: Motion) -> dict[str, Any]:
 _UNEXPECTED = (KeyError, TypeError, ValueError, AttributeError)
 
 _FARTHEST = 1e6  # Coordinates that the page draws, meters.
+
+
+def _notes(motion: Motion) -> list[str]:
+    """Returns what a motion's file says of its prompt; metadata may come from any file."""
+    notes = motion.metadata.get("notes")
+    return [note for note in notes if isinstance(note, str)] if isinstance(notes, list) else []
 
 
 def _entries(motion: Motion, name: str) -> list[Mapping[str, Any]]:
