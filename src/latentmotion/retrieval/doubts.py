@@ -494,7 +494,7 @@ def _fit(
         index: The clips.
     """
     rows = index.captions_of[neighbor.caption.clip]
-    mean = float(np.mean([index.neighbor(row, sides).cosine for row in rows]))
+    mean = index.mean_cosine(neighbor.caption.clip, sides)
     words = frozenset().union(*(content_words(index.captions[row].text) for row in rows))
     forms = [other_forms(word) | {word} for word in content_words(sentence)]
     weights = [index.weight(every) for every in forms]

@@ -338,6 +338,11 @@ class ClipIndex:
         cosines = self._cosines(sentences)[:, number]
         return Neighbor(self.captions[number], float(cosines.max()), bool(cosines.argmax()))
 
+    def mean_cosine(self, clip: int, sentences: Float[np.ndarray, "sides width"]) -> float:
+        """Returns the mean cosine of a clip's captions with a sentence, given as for `nearest`."""
+        cosines = self._cosines(sentences)[:, self.captions_of[clip]]
+        return float(cosines.max(axis=0).mean(dtype=np.float64))
+
     def nearest_by_wording(self, sentences: Float[np.ndarray, "sides width"]) -> Neighbor | None:
         """Returns the caption one of whose wordings is nearest to a sentence, if there are any.
 
