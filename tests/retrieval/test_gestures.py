@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from latentmotion import MotionPipeline
+from latentmotion.data.pack_file import read_pack
 from latentmotion.model.card import MOVES_FILE, SHIPPED
 from latentmotion.representation import representation_named
 from latentmotion.retrieval.index import DRAWN, read_index
@@ -66,11 +67,18 @@ right = [[0.2, "rest"], [0.9, "shoulder", 0, 0.05, 0.44], [1.8, "rest"]]
 """
 
 
-def test_a_movement_of_ones_own_is_drawn_and_started_from(gestures, tmp_path, capsys, monkeypatch):
-    monkeypatch.setenv("LATENTMOTION_CACHE", str(tmp_path / "cache"))  # where data are unpacked
+def test_the_pack_has_the_recordings(gestures):
+    header, _ = read_pack(DATA / "starter.pack")
+    assert {*gestures.RECORDINGS.values()} <= {clip.id for clip in header.manifest.clips}
+
+
+def test_a_movement_of_ones_own_is_drawn_and_started_from(
+    gestures, figures, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr(gestures, "RECORDINGS", {"stand": "000"})
     (tmp_path / "own.toml").write_text(OWN)
     for _ in range(2):  # the second time it replaces what is there
-        gestures.Gestures(tmp_path / "moves", table=tmp_path / "own.toml").run()
+        gestures.Gestures(tmp_path / "moves", table=tmp_path / "own.toml", data=figures).run()
         assert "1 movements" in capsys.readouterr().out
     own = MotionPipeline.from_pretrained("fast").with_moves(tmp_path / "moves")
     (choice,) = own.clip_starts.chooser.choices(own.read("does our secret club greeting"))
