@@ -138,8 +138,7 @@ class BulkGeneration:
         card, fps = pipeline.card, pipeline.representation.fps
         lengths = [self.seconds if row.seconds is None else row.seconds for row in rows]
         free = [row.prompt for row, seconds in zip(rows, lengths, strict=True) if seconds is None]
-        predicted = pipeline.usual_seconds(free)
-        usual = iter(requests.frames_of(card, None, len(free), fps, predicted))
+        usual = iter(requests.frames_of(card, None, len(free), fps, pipeline.usual_seconds(free)))
         frames = [
             next(usual) if seconds is None else requests.frames_of(card, seconds, 1, fps)[0]
             for seconds in lengths

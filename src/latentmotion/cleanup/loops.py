@@ -65,8 +65,7 @@ def unrolled(motion: Motion, before: int, after: int) -> Motion:
         for number in range(-before, after + 1)
     ]
     about = {name: it for name, it in motion.metadata.items() if name != "loop"}
-    joints = np.concatenate(turns).astype(np.float32)
-    return replace(motion, joints=joints, metadata=about)
+    return replace(motion, joints=np.concatenate(turns).astype(np.float32), metadata=about)
 
 
 def rolled_up(whole: Motion, motion: Motion) -> Motion:

@@ -131,8 +131,7 @@ def clean_batch(
         beside = [turns_beside(motion) if is_loop(motion) else 0 for motion in motions]
         whole = [unrolled(m, n, n) if n else m for m, n in zip(motions, beside, strict=True)]
         exact = [NO_CORRECTIONS if n else c for n, c in zip(beside, corrections, strict=True)]
-        cleaned = clean_batch(whole, steps, exact)
-        every = zip(cleaned, motions, beside, strict=True)
+        every = zip(clean_batch(whole, steps, exact), motions, beside, strict=True)
         return [rolled_up(after, before) if n else after for after, before, n in every]
     pairs, raw = zip(motions, corrections, strict=True), motions
     motions = [_enlivened(motion, correction, steps) for motion, correction in pairs]

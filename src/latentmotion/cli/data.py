@@ -192,8 +192,7 @@ class PrepareHdm05(_PrepareInParts):
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        groups = partial(hdm05.hdm05_groups, self.folder)
-        self._prepare(hdm05.HDM05, groups, {"source": "hdm05"})
+        self._prepare(hdm05.HDM05, partial(hdm05.hdm05_groups, self.folder), {"source": "hdm05"})
 
 
 @dataclass(frozen=True)
@@ -258,8 +257,7 @@ class PrepareUestc(_Prepare):
 
     def run(self) -> None:
         """Prepares the folder and prints the report."""
-        recordings = actor.uestc_recordings(self.folder, self.hold)
-        self._write(SMPL_FEATURES, actor.UESTC, recordings)
+        self._write(SMPL_FEATURES, actor.UESTC, actor.uestc_recordings(self.folder, self.hold))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -428,8 +426,7 @@ class Compose:
         preparation.motions.extend(composed.motions)
         left_out = ", ".join(f"{count} {why}" for why, count in composed.refused.most_common())
         note = f"{len(composed.motions)} sequences composed; refused: {left_out or 'none'}"
-        report = preparation.write(self.output, (composed.source,), notes=(note,))
-        print(report.text())
+        print(preparation.write(self.output, (composed.source,), notes=(note,)).text())
         print(f"wrote {self.output}")
 
 
@@ -468,8 +465,7 @@ class Describe(options.ReadingOptions):
         windows = described.Windows(self.windows, sentences=self.sentences, whole=self.sentences)
         if not (self.folder.is_file() or (self.folder / MANIFEST).is_file()):
             reason = f"{self.folder} is no prepared data"
-            names = ("edit", "windows", "sentences", "rewordings")
-            options.refuse_unused(self, reason, *names)
+            options.refuse_unused(self, reason, "edit", "windows", "sentences", "rewordings")
             motions = OwnMotions(self.folder, Source("own", "unknown", ""), stated=self.stated())
             self.write_csv(described.describe_files(motions, self.seed, self.check, self.names))
             return

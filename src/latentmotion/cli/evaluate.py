@@ -152,8 +152,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         folder, dataset = find_model(model), Dataset.load(data)
         evaluator = load_evaluator(self.evaluator) if self.evaluator else None
         if self.body is not None:
-            body = load_smpl(self.body)
-            dataset, evaluator = scores.with_smpl_joints(body, dataset, evaluator)
+            dataset, evaluator = scores.with_smpl_joints(load_smpl(self.body), dataset, evaluator)
         candidates, protocol = self.candidates(folder), self.changed_protocol()
         comparison = evaluate.Comparison(tuple(candidates), dataset, evaluator, protocol)
         if self.shard:
@@ -231,8 +230,7 @@ class Evaluate(options.SamplingOptions, options.ComputingOptions):
         generator = loading.load_generator(
             model, text_encoder=self.text_encoder, execution=self.execution
         )
-        sampling = generator.card.sampling.but(self.steps, self.guidance, self.sampler)
-        return generator, sampling
+        return generator, generator.card.sampling.but(self.steps, self.guidance, self.sampler)
 
     def measure_instructions(self) -> None:
         """Writes the prompts, or checks the motions of a model or of a folder of joints."""

@@ -21,8 +21,7 @@ def located(execution: ExecutionOptions) -> ExecutionOptions:
     """Returns options with the device `auto` replaced by a GPU, if there is one, or the CPU."""
     if execution.device != options.AUTO:
         return execution
-    default = import_module("latentmotion.networks.device").default_device()
-    return replace(execution, device=default)
+    return replace(execution, device=import_module("latentmotion.networks.device").default_device())
 
 
 def load_generator(

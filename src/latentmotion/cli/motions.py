@@ -158,8 +158,7 @@ class RetargetMotions(options.MotionOptions):
         names = [motion.caption or self.files[0].stem for motion in motions]
         names = [n if names.count(n) == 1 else f"{n} {i}" for i, n in enumerate(names, 1)]
         moving = transfer.retargeted(rig, motions, self.output_fps, self.root_motion)
-        written = transfer.write_animations(self.output, rig, moving, names)
-        options.print_written(written)
+        options.print_written(transfer.write_animations(self.output, rig, moving, names))
         for motion, animation in zip(motions, moving, strict=True):
             print(_figures(rig, motion, animation))
 

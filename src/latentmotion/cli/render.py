@@ -84,8 +84,7 @@ class RenderMotions(options.MotionOptions):
         endings = {path.suffix.lower() for path in self.output}
         for kinds, names in _USED_BY.items():
             if not endings.intersection(kinds):
-                reason = f"no {' or '.join(kinds)} is written"
-                options.refuse_unused(self, reason, *names)
+                options.refuse_unused(self, f"no {' or '.join(kinds)} is written", *names)
         for path in self.output:
             if path.suffix.lower() not in _VIDEOS + _PICTURES + _PAGES:
                 endings = " ".join(_VIDEOS + _PICTURES + _PAGES)
@@ -114,8 +113,7 @@ class RenderMotions(options.MotionOptions):
             elif path.suffix.lower() in _VIDEOS:
                 from latentmotion.render import video
 
-                ending = path.suffix.lower()
-                usual_fps = min(motions[0].fps, _SMOOTH[ending])
+                usual_fps = min(motions[0].fps, _SMOOTH[path.suffix.lower()])
                 fps = usual_fps if self.output_fps is None else self.output_fps
                 takes = [motion.resampled(fps) for motion in motions]
                 video.write(path, takes, self.size, self.camera, figure)

@@ -342,15 +342,13 @@ class TrainLength:
         )
         dataset = Dataset.load(self.data) if self.data else None
         if dataset:
-            whole = lengths.prepared_caption_lengths(dataset, "train")
-            train = lengths.joined([train, whole])
+            train = lengths.joined([train, lengths.prepared_caption_lengths(dataset, "train")])
         if self.model:
             journal = self.output.with_name(f"{self.output.name}.trials.jsonl")
             pipeline = MotionPipeline.from_pretrained(self.model)
             verdicts = lengths.judged_lengths(pipeline, self.trials, journal)
             usual = lengths.train_lengths(train, encoder, recipe)
-            best = lengths.best_lengths(verdicts, usual, encoder)
-            train = lengths.joined([train, best])
+            train = lengths.joined([train, lengths.best_lengths(verdicts, usual, encoder)])
         if earlier:
             train = lengths.joined([train, lengths.kept_lengths(earlier, encoder)])
         lengths.train_lengths(train, encoder, recipe).write(self.output)

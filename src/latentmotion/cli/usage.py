@@ -100,8 +100,7 @@ def _with_optional_fields(command: Any) -> Any:
             continue
         changed.append((option.name, kind, field(default=default, kw_only=option.kw_only)))
     text = {"__doc__": command.__doc__}
-    name = command.__name__
-    return make_dataclass(name, changed, bases=(command,), namespace=text, frozen=True)
+    return make_dataclass(command.__name__, changed, bases=(command,), namespace=text, frozen=True)
 
 
 def _check_lists(command: object, words: Sequence[str]) -> None:

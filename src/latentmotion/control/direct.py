@@ -412,8 +412,7 @@ def looking(motion: Motion, looks: Sequence[LookAt]) -> Motion:
     world[:, head] = world[:, head] @ _turned(yaw, pitch)
     turned = replace(animation, rotations=skeleton.local_rotations(world))
     names = {name: joint for joint, name in enumerate(skeleton.names)}
-    body = Humanoid(animation.skeleton, names)
-    return replace(motion).with_recorded(Recorded(turned, body))
+    return replace(motion).with_recorded(Recorded(turned, Humanoid(animation.skeleton, names)))
 
 
 def missed_looks(motion: Motion, look: LookAt) -> float:

@@ -424,8 +424,7 @@ def _filled(
     joints = edited(motion.joints, gap, decoders, sample_latents, motion.fps, motion.skeleton)
     caption = ", ".join(text for text in (motion.caption, prompt) if text)
     filled = motion.with_joints(joints, caption)
-    about = {**filled.metadata, **metadata_of(generator, seed, sampling)}
-    return replace(filled, metadata=about)
+    return replace(filled, metadata={**filled.metadata, **metadata_of(generator, seed, sampling)})
 
 
 def _seam_goals(

@@ -205,8 +205,7 @@ class _Limbs:
         self.ends = {arm[2] for arm in self.arms} | {
             j for leg in self.legs for j in (leg.ankle, *leg.below)
         }
-        count = len(skeleton)
-        self.hands = {count + n: hand for n, hand in enumerate(hand_points(skeleton))}
+        self.hands = {len(skeleton) + n: hand for n, hand in enumerate(hand_points(skeleton))}
         self.ends |= set(self.hands)
 
     def follow(self, carried: Joints) -> tuple[Joints, dict[int, np.ndarray]]:

@@ -71,8 +71,7 @@ def generate_stream(
     def advance(state: StreamState, prompt: str, seed: int) -> tuple[Joints, StreamState]:
         request = GenerationRequest((prompt,), (STRIDE * CALL,), (seed,), sampling)
         request.check(generator.card, space.fps)
-        sample_known = known_latents_of(generator, request)
-        return advanced(state, sample_known, motion, space, sees, seed)
+        return advanced(state, known_latents_of(generator, request), motion, space, sees, seed)
 
     first = state or StreamState.start(generator.card.latents.width)
     return MotionStream(prompt, seed, first, advance, space)

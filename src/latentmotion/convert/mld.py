@@ -147,8 +147,7 @@ def loaded(
     Raises:
         ModelError: A weight is missing or has another shape.
     """
-    renamed = reading.rename(weights, reading.rules_of(*names))
-    return checkpoint.built(make, renamed, where)
+    return checkpoint.built(make, reading.rename(weights, reading.rules_of(*names)), where)
 
 
 def model_card(

@@ -215,8 +215,7 @@ def read_with_placeholders(path: Path) -> Any:
     with ZipFile(path) as archive:
         array_files.check_members(path, archive.infolist())
         names = [name for name in archive.namelist() if name.endswith("/data.pkl")]
-        content = archive.read(names[0])
-        file = io.BytesIO(content)
+        file = io.BytesIO(archive.read(names[0]))
         return _TensorUnpickler(file, archive, names[0].removesuffix(".pkl")).load()
 
 

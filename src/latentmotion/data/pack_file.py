@@ -68,8 +68,7 @@ def write_pack(path: Path, header: PackHeader, blocks: Sequence[bytes]) -> None:
         InputError: The file cannot be written.
     """
     header = replace(header, blocks=tuple(len(block) for block in blocks))
-    text = json.dumps(to_json(header), ensure_ascii=False, separators=(",", ":"))
-    plain = text.encode()
+    plain = json.dumps(to_json(header), ensure_ascii=False, separators=(",", ":")).encode()
     packed = lzma.compress(plain, preset=6 | lzma.PRESET_EXTREME)  # 3 % smaller
     rest = struct.pack("<II", len(packed), len(plain)) + packed + b"".join(blocks)
     with files.atomic_file(path) as temporary:

@@ -218,8 +218,7 @@ def _look_up(table: np.ndarray, t: Time) -> Any:
         return float(table[int(t)])
     xp = array_namespace(t)
     index = xp.astype(t, xp.int64)
-    values = xp.asarray(table.astype(np.float32), device=device(t))
-    return values[index]
+    return xp.asarray(table.astype(np.float32), device=device(t))[index]
 
 
 def _check_steps(steps: int, most: int) -> None:

@@ -252,8 +252,7 @@ def check_arguments(unknown: Mapping[str, Any], **numbers: Any) -> None:
 
 
 def _is_number(value: Any, whole: bool = False) -> bool:
-    kind = Integral if whole else Real
-    return isinstance(value, kind) and not isinstance(value, bool)
+    return isinstance(value, Integral if whole else Real) and not isinstance(value, bool)
 
 
 def frames_of(

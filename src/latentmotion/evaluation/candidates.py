@@ -82,8 +82,7 @@ class Reconstructed:
         reconstructions: dict[int, np.ndarray] = {}
         for rows in batches(replication.frames, MAX_BATCH_SIZE):
             motions = [replication.features[row] for row in rows]
-            row_seeds = [seeds[row] for row in rows] if sampled else None
-            batch = self.reconstruct(motions, row_seeds)
+            batch = self.reconstruct(motions, [seeds[row] for row in rows] if sampled else None)
             reconstructions |= dict(zip(rows, batch, strict=True))
         return [reconstructions[row] for row in range(len(replication.prompts))]
 

@@ -126,8 +126,7 @@ def cost_of(
         encoder: Text encoder, if it is not in the folder.
         clock: As for `aits`.
     """
-    networks = load_stages(folder).networks
-    counts = {name: parameters(network) for name, network in networks.items()}
+    counts = {name: parameters(network) for name, network in load_stages(folder).networks.items()}
     counts["together"] = sum(counts.values())
     if candidate is None:
         return Cost(counts)

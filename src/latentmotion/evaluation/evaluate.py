@@ -37,7 +37,7 @@ from latentmotion.storage.shards import ShardContent, ShardedRun, ShardManifest,
 def evaluate(
     candidate: Candidate, dataset: Dataset, evaluator: Evaluator | None, protocol: Protocol = CLEAN
 ) -> Report:
-    """Evaluates one model.
+    """Evaluates one model; several beside each other are a `Comparison`.
 
     Args:
         candidate: The model, as a generator, a reconstruction or a prior.
@@ -50,23 +50,7 @@ def evaluate(
         InputError: Model, evaluator and data do not fit.
         ModelError: The model's features are not those of the data.
     """
-    return compare([candidate], dataset, evaluator, protocol)
-
-
-def compare(
-    candidates: Sequence[Candidate],
-    dataset: Dataset,
-    evaluator: Evaluator | None,
-    protocol: Protocol = CLEAN,
-) -> Report:
-    """Evaluates several models on the same test prompts, each with its own row.
-
-    Raises:
-        DataError: As for `evaluate`.
-        InputError: As for `evaluate`, or two rows have the same name, or tasks differ.
-        ModelError: As for `evaluate`.
-    """
-    return Comparison(tuple(candidates), dataset, evaluator, protocol)()
+    return Comparison((candidate,), dataset, evaluator, protocol)()
 
 
 def build_test_set(
@@ -79,7 +63,7 @@ def build_test_set(
 
     Raises:
         DataError: As for `evaluate`.
-        InputError: As for `compare`.
+        InputError: As for `evaluate`, or two rows have the same name, or tasks differ.
         ModelError: As for `evaluate`.
     """
     rows = [GROUND_TRUTH, *(candidate.row for candidate in candidates)]
@@ -299,8 +283,7 @@ def published_ground_truth(
     official = bool(getattr(evaluator, "official", False))
     if not official or scoring.lacks_smpl_joints(dataset, evaluator) or len(dataset.sources) != 1:
         return None
-    name = dataset.sources[0].name
-    return next((row for row in PUBLISHED if row.source == name), None)
+    return next((row for row in PUBLISHED if row.source == dataset.sources[0].name), None)
 
 
 def departures(ground_truth: Mapping[str, Figure], published: PublishedGroundTruth) -> list[str]:

@@ -254,8 +254,7 @@ def _segment_means(joints: Joints, stride: int) -> Joints:
     if len(joints) < _SEGMENT:
         return joints[:0]
     sums = np.cumsum(np.concatenate([np.zeros_like(joints[:1]), joints]), axis=0, dtype=np.float64)
-    means = (sums[_SEGMENT:] - sums[:-_SEGMENT])[::stride] / _SEGMENT
-    return means.astype(np.float32)
+    return ((sums[_SEGMENT:] - sums[:-_SEGMENT])[::stride] / _SEGMENT).astype(np.float32)
 
 
 @dataclass(frozen=True)

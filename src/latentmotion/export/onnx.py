@@ -103,8 +103,7 @@ def export_pullback(vae: MotionVAE, path: Path) -> None:
     Its graph: latents, mask, gradient of features → gradient of latents.
     """
     inputs = _pullback_inputs(vae.latent_width, _TOKENS, _ROWS, _FEATURES)
-    free = {"latents": (1,), "mask": (1,), "gradient": (0, 1, 2)}
-    trace(Pullback(vae), inputs, path, free=free)
+    trace(Pullback(vae), inputs, path, free={"latents": (1,), "mask": (1,), "gradient": (0, 1, 2)})
 
 
 def pullback_error(vae: MotionVAE, graph: Path) -> float:

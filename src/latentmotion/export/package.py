@@ -219,8 +219,7 @@ def _check_graphs(model: checkpoint.LatentModel, folder: Path) -> None:
                 f"{PULLBACK_FILE} differs from its decoder by {error:.2g}; not written"
             )
     for steps in _fused_steps(card):
-        guidance = torch.full((count,), 1.5)
-        inputs = {**drawn("noise"), "frames": frames, "guidance": guidance}
+        inputs = {**drawn("noise"), "frames": frames, "guidance": torch.full((count,), 1.5)}
         expected = graphs.FusedSampler(model, steps)(**inputs)
         _compare(folder / fused_sampler_file(steps), inputs, expected)
 
@@ -375,8 +374,7 @@ def readme(card: cards.ModelCard) -> str:
     """Returns the page, with the YAML that the hub reads at its head."""
     provenance, text = card.provenance, card.task == "text"
     # The hub's table of results; none for a model without figures.
-    evaluation = card.figures.get("evaluation", {})
-    data = str(evaluation.get("data", ""))
+    data = str(card.figures.get("evaluation", {}).get("data", ""))
     metrics = [
         {"type": name.rpartition(".")[2], "name": name, "value": value}
         for name, value in numbers(card.figures)

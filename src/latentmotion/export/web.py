@@ -157,8 +157,7 @@ def _seen_prompt(pipeline: MotionPipeline, text: ModelProto | None, folder: Path
             conditioned = conditioning(TextEmbedding(pooled, words, mask))
             return conditioned.tokens, conditioned.mask
 
-        names = ("seen", "seen_mask")
-        trace(FunctionModule(read), example, folder / "r.onnx", names, free=free)
+        trace(FunctionModule(read), example, folder / "r.onnx", ("seen", "seen_mask"), free=free)
         reading = onnx.load(folder / "r.onnx")
         first = _same("tokens", "mask", "pooled", "words")
         then = _same("pooled", "words", "mask", "seen", "seen_mask")

@@ -131,8 +131,7 @@ class BoneAxes:
     def above(self) -> Float[np.ndarray, "joints 3 3"]:
         """Axes of each joint's parent; the world's for the root."""
         parents = list(self.skeleton.parents)
-        axes = np.concatenate([self.world, np.eye(3)[None]])
-        return axes[parents]
+        return np.concatenate([self.world, np.eye(3)[None]])[parents]
 
     def rotations(
         self, rotations: Float[np.ndarray, "*frames joints 3 3"]

@@ -132,8 +132,7 @@ class _BvhReader:
         self._check((self._unopened is not None) == (keyword == "{"), f"{near} at a wrong place")
         match keyword:
             case "ROOT":
-                problem = "found a second 'ROOT', expected one skeleton per file"
-                self._check(not self.nodes, problem)
+                self._check(not self.nodes, "found a second 'ROOT', expected one skeleton per file")
                 self._add(BvhNode(" ".join(values), -1))
             case "JOINT":
                 self._add(BvhNode(" ".join(values), self._current()))

@@ -68,8 +68,7 @@ _SWAY = 0.25
 def engines() -> Mapping[str, Engine]:
     """Returns the presets by name: engines, and data sets."""
     text = Path(__file__).with_name("engines.toml").read_text(encoding="utf-8")
-    rows = tomllib.loads(text).items()
-    return {name: configuration.from_json(Engine, row) for name, row in rows}
+    return {name: configuration.from_json(Engine, row) for name, row in tomllib.loads(text).items()}
 
 
 def for_engine(motion: Motion, name: EngineName) -> Motion:

@@ -112,8 +112,7 @@ class Document:
             InputError: The folder does not exist or cannot be written, or there is a number that is
                 not finite.
         """
-        content = self.encoded(path)
-        files.write_file(path, content)
+        files.write_file(path, self.encoded(path))
 
     def encoded(self, path: str | Path) -> bytes:
         """Returns the content of the file that `write` would write.

@@ -178,8 +178,7 @@ def match_names(names: Sequence[str]) -> NameMatch:
     index: dict[str, int] = {}
     for unnumbered in (True, False):
         for number in sorted(range(len(names)), key=lambda n: (ranks[n], -n)):
-            name = _NUMBER.sub("", names[number]) if unnumbered else names[number]
-            index[plain(name)] = number
+            index[plain(_NUMBER.sub("", names[number]) if unnumbered else names[number])] = number
     matches = [NameMatch(name, _matched(index, words)) for name, words in name_maps().items()]
     return min(matches, key=lambda match: (len(match.missing), -len(match.joints)))
 

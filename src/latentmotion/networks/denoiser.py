@@ -192,8 +192,7 @@ class DenoiserNetwork(nn.Module):
             else InContext(transformer.layer_stack(config.transformer, transformer.EncoderLayer))
         )
         # Adds the step condition of a few-step student to the numbers.
-        embedding = StepEmbedding(config.sine_width, width) if config.few_step else None
-        self.step_embedding = embedding
+        self.step_embedding = StepEmbedding(config.sine_width, width) if config.few_step else None
 
     def measure_words(self, words: Float[Tensor, "words width"]) -> None:
         """Shows the words of the training prompts to a projection that standardizes them."""

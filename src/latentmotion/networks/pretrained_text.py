@@ -257,8 +257,7 @@ class PretrainedTextEncoder:
                 max_length=self.kind.longest,
                 return_tensors="pt",
             )
-            mask = batch["attention_mask"].bool()
-            reading = self.kind.read(self.model, batch["input_ids"], mask)
+            reading = self.kind.read(self.model, batch["input_ids"], batch["attention_mask"].bool())
             vectors = reading.pooled.float().numpy(), reading.words.float().numpy()
             embeddings.append(TextEmbedding(*vectors, reading.mask.numpy()))
         return stack(embeddings)

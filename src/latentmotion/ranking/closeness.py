@@ -194,8 +194,7 @@ def _event(claim: Claim, scene: Measured, request: Request) -> float:
     same = {claim.kind} if claim.kind != "bow" else {"bow", "pick_up", "bend"}
     exact = [event for event in events if event.kind in same]
     if not exact:
-        verdict = check_claim(claim, scene)[0]
-        return {"agrees": 0.4, "silent": 0.2}.get(verdict, 0.0)
+        return {"agrees": 0.4, "silent": 0.2}.get(check_claim(claim, scene)[0], 0.0)
     sides = [event.side for event in exact]
     repeated = sum(other.kind == claim.kind for other in request.claims) > 1
     share = 1.0

@@ -96,8 +96,7 @@ class Scorer:
                 )
             encoder = LazyTextEncoder(source, card.text_encoder, card.word_width)
         motion_tower = LazySession(place / MOTION_FILE, threads=1)
-        text_tower = LazySession(place / TEXT_FILE, threads=1)
-        return cls(card, place, motion_tower, text_tower, encoder)
+        return cls(card, place, motion_tower, LazySession(place / TEXT_FILE, threads=1), encoder)
 
     @cached_property
     def representation(self) -> Representation:

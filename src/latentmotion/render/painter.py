@@ -352,8 +352,7 @@ def _fragments(
     width, height = (high - low).clip(0).T
     sizes = width * height
     faces = np.flatnonzero((area < 0) & (sizes > 0) & (depth[triangles].min(1) > 0.1))
-    counts = sizes[faces]
-    parts = np.split(faces, np.flatnonzero(np.diff(np.cumsum(counts) // _FRAGMENTS)) + 1)
+    parts = np.split(faces, np.flatnonzero(np.diff(np.cumsum(sizes[faces]) // _FRAGMENTS)) + 1)
     for part in parts if len(faces) else []:
         count = sizes[part]
         face = np.repeat(part, count)

@@ -103,8 +103,7 @@ def write(
     pictures = frames([motion.resampled(fps) for motion in motions], size, view, figure)
     with atomic_file(path) as temporary:
         # Not by how often colors occur, so that a small figure keeps that of its take.
-        most = painter.Image.Quantize.MAXCOVERAGE
-        first = next(pictures).quantize(_GIF_COLORS, most)
+        first = next(pictures).quantize(_GIF_COLORS, painter.Image.Quantize.MAXCOVERAGE)
         plain = painter.Image.Dither.NONE
         rest = [picture.quantize(palette=first, dither=plain) for picture in pictures]
         # GIF counts hundredths of a second: durations differ by one, so that the whole is exact.

@@ -49,8 +49,7 @@ def draw_figure(table: Table, result: TableResult, path: Path) -> bool:
         for row in (row for row in rows if row.share):
             for name, value in figures[row.name].items():
                 if name in table.metrics:
-                    runs = curves.setdefault(name, {})
-                    points = runs.setdefault(row.title.partition(",")[0], [])
+                    points = curves.setdefault(name, {}).setdefault(row.title.partition(",")[0], [])
                     points.append((100 * (row.share or 0.0), value))
         return draw_curves(path, curves, "Epochs, % of the training")
     if table.figure == "bars":
@@ -223,8 +222,7 @@ CLEAN = -1.0  # Timestep that stands for latents without noise.
 
 def draw_latents(generator: MotionPipeline, path: Path) -> dict[str, Figure]:
     """Draws the maps of a model of actions; returns the silhouettes of noise and latents."""
-    actions = generator.card.condition.known_prompts
-    labels = [label for label in actions for _ in range(PER_LABEL)]
+    labels = [label for label in generator.card.condition.known_prompts for _ in range(PER_LABEL)]
     states = latents_along(generator, labels, min(FRAMES, generator.card.frames[1]))
     names = {t: f"t = {t:g}" for t, _ in states} | {CLEAN: "z₀"}
     latent_maps(path, {names[t]: map_of(z) for t, z in chosen(states)}, labels)

@@ -314,8 +314,7 @@ class TableRunner:
                 raise InputError(f"{folder} has no VAE to rebuild motions with")
             return Reconstructed(model.vae, model.card)
         pipeline = self.pipeline(row)
-        sampling = pipeline.card.sampling.but(row.steps, row.guidance, row.sampler)
-        return Generated(pipeline, sampling)
+        return Generated(pipeline, pipeline.card.sampling.but(row.steps, row.guidance, row.sampler))
 
     def _cost(
         self, row: Row, candidate: Generated, folder: Path, protocol: Protocol
@@ -340,8 +339,7 @@ class TableRunner:
 
 
 def _weights_and_hours(folder: Path) -> dict[str, Any]:
-    hours = read_card(folder).provenance.hours
-    return {"weights": sha256(folder / WEIGHTS_FILE), "hours": hours}
+    return {"weights": sha256(folder / WEIGHTS_FILE), "hours": read_card(folder).provenance.hours}
 
 
 def _plain(figures: Mapping[str, Figure]) -> dict[str, list[float | None]]:
@@ -422,8 +420,7 @@ def join_runs(table: Table, folders: Sequence[Path], output: Path) -> Path:
     output.mkdir(parents=True, exist_ok=True)
     for number, result in enumerate(pages, start=1):
         titled = replace(table, title=f"{table.title}, by evaluator {number}", expects="")
-        page = output / f"{result.table}.md"
-        write_page(page, titled if number > 1 else table, result, says)
+        write_page(output / f"{result.table}.md", titled if number > 1 else table, result, says)
     return output / f"{table.name}.md"
 
 

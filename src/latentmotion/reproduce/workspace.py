@@ -130,8 +130,7 @@ class Workspace:
         experiment = with_condition_width(experiment, conditioning)
         folder = self.folder / name / "denoiser"
         if not self._is_trained(folder, experiment, SECOND_STAGE):
-            steps = experiment.denoiser_training.steps
-            self.tell(f"{folder}: training a denoiser, {steps} steps")
+            self.tell(f"{folder}: training a denoiser, {experiment.denoiser_training.steps} steps")
             train_denoiser(experiment, self.dataset.folder, vae, encoder, folder, self.context)
         return folder / MODEL
 

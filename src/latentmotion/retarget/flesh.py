@@ -87,8 +87,7 @@ def _primitive(file: GltfFile, node: int, primitive: dict[str, Any]) -> _Part | 
         raise ValueError("a triangle has corners that its mesh has not")
     skin = scene.nodes[node].get("skin")
     if skin is None or "JOINTS_0" not in attributes:
-        line = scene.line(node)
-        bone = next((above for above in line if above in rank), None)
+        bone = next((above for above in scene.line(node) if above in rank), None)
         if bone is None:
             return None
         position, _, linear = scene.rest_frame(node)

@@ -178,8 +178,7 @@ def read_rig(
     joint_map = joint_map or fitting_map(stated.joint_maps, file.skeleton.names)
     rig = make_rig(file, find_humanoid(file.skeleton, file.declared, joint_map), stated)
     if rig.guesses:
-        warning = f"{path}: a guess: {', '.join(rig.guesses)}"
-        warnings.warn(warning, ReadingWarning, stacklevel=2)
+        warnings.warn(f"{path}: a guess: {', '.join(rig.guesses)}", ReadingWarning, stacklevel=2)
     return rig
 
 

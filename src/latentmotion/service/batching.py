@@ -257,8 +257,7 @@ class Batcher:
             with self._changed:
                 self._seconds_each += 0.1 * (took / len(batch) - self._seconds_each)
             with suppress(RuntimeError):  # the loop has ended
-                loop = batch[0].future.get_loop()
-                loop.call_soon_threadsafe(_deliver, batch, results)
+                batch[0].future.get_loop().call_soon_threadsafe(_deliver, batch, results)
 
 
 def _deliver(batch: Sequence[_Task], results: Sequence[Any]) -> None:

@@ -257,8 +257,7 @@ def routes(service: Service, jobs: Jobs) -> APIRouter:
     async def add(body: BatchRequest) -> JSONResponse:
         """Have several motions made in the background."""
         service.check_ready()
-        settings = body.settings()
-        await run_in_threadpool(check, service.pipeline, settings, body.all_prompts())
+        await run_in_threadpool(check, service.pipeline, body.settings(), body.all_prompts())
         job = await run_in_threadpool(jobs.add, body)
         jobs.wake()
         return JSONResponse(job.model_dump(), 202, {"Location": f"/v1/jobs/{job.id}"})

@@ -239,8 +239,7 @@ class LatentMotionBackbone(Backbone):
             return motion.cleaned(steps) if steps else motion
         if any(segment.type == "pose" for segment in request.segments):
             return self.pipeline(prompt, seed=seed, guidance=guidance, takes=takes).cut(*_POSE)
-        shortest = self.pipeline.card.frames[0] / self.pipeline.representation.fps
-        seconds = max(seconds, shortest)
+        seconds = max(seconds, self.pipeline.card.frames[0] / self.pipeline.representation.fps)
         return self.pipeline(
             prompt, seconds, seed, guidance=guidance, goals=goals, takes=takes, clean_up=steps
         )

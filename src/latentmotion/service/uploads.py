@@ -51,8 +51,7 @@ def routes(service: Service) -> APIRouter:
         fps: Fps = None,
     ) -> Response:
         """Clean up the motions of a file: hold standing feet, put the figure on the floor."""
-        task = {"clean": steps, "fps": fps}
-        return await _convert(service, request, source, target, task)
+        return await _convert(service, request, source, target, {"clean": steps, "fps": fps})
 
     @router.post("/convert", openapi_extra=BINARY_BODY, response_class=Response)
     async def convert(

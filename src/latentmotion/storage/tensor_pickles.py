@@ -163,8 +163,7 @@ class _JoblibArray:
         if self.dtype.dtype.hasobject:
             return _Unpickler(file).load()
         if self.numpy_array_alignment_bytes is not None:
-            before = file.read(1)[0]
-            file.read(min(before, _BYTES_BEFORE))
+            file.read(min(file.read(1)[0], _BYTES_BEFORE))
         count = math.prod(self.shape) * self.dtype.dtype.itemsize
         if count < 0 or count > len(file.getbuffer()):
             raise pickle.UnpicklingError(f"it holds an array of shape {self.shape}, cut short")

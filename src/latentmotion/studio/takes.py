@@ -95,8 +95,7 @@ def routes(library: Library) -> APIRouter:
     ) -> dict[str, Any]:
         """List takes, the newest first."""
         total, takes = library.takes(query, tag, star, deleted, offset, limit)
-        answers = [take.about() for take in takes]
-        return {"total": total, "takes": answers, "tags": library.tags()}
+        return {"total": total, "takes": [take.about() for take in takes], "tags": library.tags()}
 
     @router.get("/takes/{name}")
     def shown(name: schemas.Id) -> dict[str, Any]:

@@ -108,8 +108,7 @@ def design(pairs: Sequence[Pair], a: str, b: str, seed: int) -> Study:
     for row, pair in zip(rows, shown, strict=True):
         digest.update(f"{row.id} {row.prompt} {row.left}".encode())
         digest.update(pair.a.joints.tobytes() + pair.b.joints.tobytes())
-    study = digest.hexdigest()[:16]
-    key = StudyKey(KEY_FORMAT, study, a, b, seed, questions, tuple(rows))
+    key = StudyKey(KEY_FORMAT, digest.hexdigest()[:16], a, b, seed, questions, tuple(rows))
     sides = [
         (p.a, p.b) if row.left == "A" else (p.b, p.a) for p, row in zip(shown, rows, strict=True)
     ]

@@ -115,8 +115,7 @@ class ClassifierStage(Stage[TemporalClassifier]):
         features = features.to(device) + self._experiment.noise * noise
         logits = self._logits(self.network, features, mask.to(device))
         targets = self._data.targets(shard).to(device)
-        smoothing = self._experiment.smoothing
-        loss = F.cross_entropy(logits, targets, label_smoothing=smoothing)
+        loss = F.cross_entropy(logits, targets, label_smoothing=self._experiment.smoothing)
         return {"total": loss, "accuracy": (logits.argmax(1) == targets).float().mean()}
 
     @torch.no_grad()
@@ -132,8 +131,7 @@ class ClassifierStage(Stage[TemporalClassifier]):
         loss = float(F.cross_entropy(logits, targets))
         if loss < best_loss(self._best):
             write_tensors(self._best, network.state_dict(), {"loss": repr(loss)})
-        accuracy = float((logits.argmax(1) == targets).float().mean())
-        return {"loss": loss, "accuracy": accuracy}
+        return {"loss": loss, "accuracy": float((logits.argmax(1) == targets).float().mean())}
 
     def _logits(
         self, network: TemporalClassifier, features: torch.Tensor, mask: torch.Tensor

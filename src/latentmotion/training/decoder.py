@@ -74,8 +74,7 @@ class DenoisedStage(VAEStage):
         self, randomness: StepRandomness, drawn: Latents, mask: Bool[torch.Tensor, "batch tokens"]
     ) -> Latents:
         z0, t = self._scale.normalize(drawn.float()), self._latest * randomness.uniform()
-        noise = randomness.normal(*z0.shape[1:])
-        z = add_noise(z0, noise, t, self._denoiser.schedule)
+        z = add_noise(z0, randomness.normal(*z0.shape[1:]), t, self._denoiser.schedule)
         output = self._denoiser.denoiser(z, t, self._null([""] * len(z)), mask)
         estimate, _ = self._denoiser.estimates(output.float(), z, t)
         return self._scale.denormalize(estimate)

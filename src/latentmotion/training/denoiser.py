@@ -45,8 +45,7 @@ class KeptCropping(Cropping):
         """Draws one of the item's kept crops and one of its sentences."""
         crops = self.crops_of[item]
         chosen = crops[int(generator.integers(len(crops)))]
-        caption = item.draw_caption(generator)
-        return Crop(chosen.clip, chosen.start, chosen.frames, caption)
+        return Crop(chosen.clip, chosen.start, chosen.frames, item.draw_caption(generator))
 
 
 def keep_crops(items: Sequence[Item], cropping: Cropping, per_item: int, seed: int) -> KeptCropping:

@@ -70,8 +70,7 @@ class StepRandomness:
 
     def uniform(self) -> Float[torch.Tensor, " batch"]:
         """A number in [0, 1) for each sample of this rank."""
-        drawn = torch.rand(self._rows, generator=self._generator)
-        return drawn[self._share].to(self._device)
+        return torch.rand(self._rows, generator=self._generator)[self._share].to(self._device)
 
     def chance(self, probability: float) -> Bool[torch.Tensor, " batch"]:
         """True with `probability` for each sample of this rank."""

@@ -354,8 +354,7 @@ class HardBatchSampler:
     def _order(self, number: int) -> list[Crop]:
         """Returns the crops of a pool, alike ones next to each other."""
         crops = self._pools(number)
-        embeddings = self._embed([crop.caption for crop in crops])
-        groups = alike_groups(embeddings, self._hard.alike)
+        groups = alike_groups(self._embed([crop.caption for crop in crops]), self._hard.alike)
         order = np.random.default_rng([self._seed, number]).permutation(len(groups))
         return [crops[row] for group in order for row in groups[group]]
 

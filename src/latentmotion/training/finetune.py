@@ -164,8 +164,7 @@ def _prepare(settings: FineTuning, clips: OwnMotions, model: Path, work: Path) -
         if preparation.motions:
             preparation.write(rehearsal, (source,))
     if not (joined / MANIFEST).is_file():
-        parts = [own_folder, rehearsal]
-        merge([part for part in parts if (part / MANIFEST).is_file()], joined)
+        merge([part for part in [own_folder, rehearsal] if (part / MANIFEST).is_file()], joined)
 
 
 def _rehearsed(settings: FineTuning, model: Path) -> list[Recording]:

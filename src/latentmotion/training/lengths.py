@@ -342,10 +342,8 @@ def judged_lengths(model: MotionPipeline, trials: LengthTrials, journal: Path) -
         warnings.simplefilter("ignore")  # unknown words show in the result
         left = range(len(rows), len(instructions))
         for number in counted(left, "trials of prompts", done=len(rows)):
-            instruction, lengths = (
-                instructions[number],
-                trials.lengths(number, model.representation.fps),
-            )
+            instruction = instructions[number]
+            lengths = trials.lengths(number, model.representation.fps)
             first = trials.seed * 2**24 + trials.takes * number
             seeds = [first + take for take in range(trials.takes)]
             motions = model.batch([instruction.prompt] * trials.takes, lengths, seeds)

@@ -218,11 +218,8 @@ def train(
             average.update(stage.network, step)
             reporter.report(step + 1, losses)
             if is_due(step + 1, settings.snapshot_every, settings.steps):
-                seconds, processor = (
-                    time.perf_counter() - start,
-                    time.process_time() - processor_start,
-                )
-                progress = Progress(step + 1, seconds, processor)
+                seconds = time.perf_counter() - start
+                progress = Progress(step + 1, seconds, time.process_time() - processor_start)
                 save_snapshot(folder, progress, stage.network, average, optimizer, context)
     return average.whole(context), time.perf_counter() - start
 

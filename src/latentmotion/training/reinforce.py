@@ -88,7 +88,7 @@ class ReinforceStage(DenoiserStage):
         objective, training = self._experiment.denoiser_objective, self._settings.training
         # Takes of similar length, each once an epoch.
         size = self._settings.training.batch_size
-        order = torch.argsort(self._takes.mask.sum(dim=1), stable=True)
+        order = torch.argsort(takes.mask.sum(dim=1), stable=True)
         count = max(len(order) // size, 1)
         epoch, index = divmod(step, count)
         generator = np.random.default_rng([self._settings.training.seed, epoch])

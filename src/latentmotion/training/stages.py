@@ -76,8 +76,7 @@ def train_vae(
     if start:
         before = checkpoint.load_stages(start).vae
         checkpoint.start_from(network, before, network.latent_width, before.latent_width)
-    skin = smpl.body if smpl else None
-    stage = VAEStage(network, dataset, experiment, context, skin)
+    stage = VAEStage(network, dataset, experiment, context, smpl.body if smpl else None)
     return train_first_stage(stage, experiment, dataset, folder, context)
 
 

@@ -154,8 +154,7 @@ class SentenceBatch:
 
     def to(self, device: torch.device) -> SentenceBatch:
         """Returns the batch on a device."""
-        parts = (self.tokens, self.mask, self.pooled, self.aligned, self.words)
-        return SentenceBatch(*(part.to(device) for part in parts))
+        return SentenceBatch(*(part.to(device) for part in vars(self).values()))
 
 
 @dataclass(frozen=True)

@@ -135,10 +135,7 @@ class VAEStage(Stage[MotionVAE]):
         self._body = body.like(torch.zeros(1, device=context.device)) if body else None
         self._longest = experiment.latents.cropping.max_frames
         train = dataset.clips("train", mirrored=experiment.mirrored)
-        self._looked_at = {
-            "train": spread(dataset.clips("train")),
-            "val": spread(dataset.clips("val")),
-        }
+        self._looked_at = {split: spread(dataset.clips(split)) for split in ("train", "val")}
         self.memory = memory or FeatureCache(
             dataset, [*train, *self._looked_at["val"]], dataset.normalizer
         )

@@ -182,8 +182,7 @@ class _Transfer:
             return np.array(Vector(here[0]).rotation_difference(Vector(there[0])).to_matrix())
         # The best rotation (Kabsch); where all directions lie on a line, without twist.
         left, _, right = np.linalg.svd(there.T @ here + 1e-4 * np.eye(3))
-        sign = np.sign(np.linalg.det(left @ right))
-        return left @ np.diag([1, 1, sign]) @ right
+        return left @ np.diag([1, 1, np.sign(np.linalg.det(left @ right))]) @ right
 
 
 def _units(vectors: np.ndarray) -> np.ndarray:

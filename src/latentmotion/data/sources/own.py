@@ -375,8 +375,7 @@ def _read_babel(path: Path, names: Collection[str]) -> dict[str, _Annotations]:
             by_file[name] = entry = _Annotations(split=split)
             whole, parts = take.get("seq_ann") or {}, take.get("frame_ann") or {}
             for label in (*whole.get("labels", ()), *parts.get("labels", ())):
-                where = f"{path}: {name}"
-                span = [_seconds(label.get(key), where) for key in ("start_t", "end_t")]
+                span = [_seconds(label.get(key), f"{path}: {name}") for key in ("start_t", "end_t")]
                 if label["raw_label"] != "transition":  # which says nothing of the motion
                     entry.sentences.append(clip.TaggedSentence(str(label["raw_label"]), "", *span))
     return by_file

@@ -191,8 +191,7 @@ def sentences_for(name: str, joints: Joints, floor: float, whole: bool) -> tuple
     for naming in namings():
         if match := naming.pattern.fullmatch(name):
             groups = {key: text or "" for key, text in match.groupdict().items()}
-            paces = LABELS["snu"]["paces"]
-            words = {key: paces.get(text, text) for key, text in groups.items()}
+            words = {key: LABELS["snu"]["paces"].get(text, text) for key, text in groups.items()}
             if shows(naming.needs.format(**words), joints, floor, whole):
                 # A word that is empty takes its space along.
                 filled = (" ".join(text.format(**words).split()) for text in naming.sentences)
@@ -223,8 +222,7 @@ def grouped(spans: Sequence[LabeledSpan], frames: int) -> list[Group]:
     for span in spans:
         last = groups[-1] if groups else None
         if last and span.start - last.end < GAP and span.end - last.start + 2 * MARGIN <= LONGEST:
-            end = max(last.end, span.end)
-            groups[-1] = Group(last.start, end, (*last.actions, span.action))
+            groups[-1] = Group(last.start, max(last.end, span.end), (*last.actions, span.action))
         else:
             groups.append(Group(span.start, span.end, (span.action,)))
     widened = []
@@ -275,8 +273,7 @@ def _pieces_of_take(
         if any(first <= group.start and group.end <= last for first, last in stretches)
     }
     cuts = [edge for span in groups for edge in span]
-    fixed = pieces_of(f"{SNU.name}-{path.stem}")
-    bounds = fixed or list(pieces(joints, FPS, stretches, cuts))
+    bounds = pieces_of(f"{SNU.name}-{path.stem}") or list(pieces(joints, FPS, stretches, cuts))
     posed_frames = sum(end - start for start, end in stretches)
     lost = posed_frames - sum(end - start for start, end in bounds)
     if posed_frames < len(joints):
@@ -388,8 +385,7 @@ def _height(joints: Joints) -> Float[np.ndarray, " frames"]:
 
 
 def _speed(joints: Joints, which: list[int]) -> Float[np.ndarray, " frames_less_one"]:
-    speed = np.linalg.norm(np.diff(joints[:, which], axis=0), axis=-1).max(1) * FPS
-    return np.asarray(speed)
+    return np.asarray(np.linalg.norm(np.diff(joints[:, which], axis=0), axis=-1).max(1) * FPS)
 
 
 def _path_speed(joints: Joints) -> Float[np.ndarray, " frames_less_one"]:

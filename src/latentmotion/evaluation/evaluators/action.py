@@ -158,8 +158,7 @@ class MotionGRU(ActionNetwork):
 
     def __init__(self, config: MotionGRUConfig) -> None:
         super().__init__()
-        inputs = config.joints * 3
-        self.recurrent = nn.GRU(inputs, config.hidden, config.layers, batch_first=True)
+        self.recurrent = nn.GRU(config.joints * 3, config.hidden, config.layers, batch_first=True)
         self.linear1 = nn.Linear(config.hidden, config.width)
         self.linear2 = nn.Linear(config.width, config.labels)
 
@@ -450,5 +449,4 @@ def recognizer_of(
 
 def rotations_of(features: np.ndarray) -> np.ndarray:
     """Returns (frames, 24 joints, 6) of the features "smpl"; the translation is left out."""
-    by_channel = features.reshape(len(features), ROTATION_CHANNELS, -1)
-    return by_channel[:, :, :-1].transpose(0, 2, 1)
+    return features.reshape(len(features), ROTATION_CHANNELS, -1)[:, :, :-1].transpose(0, 2, 1)

@@ -202,8 +202,7 @@ def without_contradicted(dataset: Dataset) -> tuple[Dataset, tuple[Dropped, ...]
             mirrored = _agreeing_rows(dataset, clip, True, dropped)
             clip = replace(clip, captions=captions, mirrored_captions=mirrored)
         clips.append(clip)
-    manifest = replace(dataset.manifest, clips=tuple(clips))
-    return replace(dataset, manifest=manifest), tuple(dropped)
+    return replace(dataset, manifest=replace(dataset.manifest, clips=tuple(clips))), tuple(dropped)
 
 
 def describe_files(
@@ -225,8 +224,7 @@ def describe_files(
         DataError: There is no such folder or no motion file in it.
     """
     rows: list[FileRow | Dropped] = []
-    paths = find_motions(motions.folder)
-    files = [f"{name}{path.suffix}" for name, path in paths.items()]
+    files = [f"{name}{path.suffix}" for name, path in find_motions(motions.folder).items()]
     named = captions_of_names(files) if names else {}
     for item in encode_all(motions.recordings(), HUMANML3D_FEATURES):
         if isinstance(item, Dropped):

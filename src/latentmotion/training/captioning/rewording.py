@@ -167,8 +167,7 @@ def reworded(sentence: Sentence, generator: np.random.Generator) -> str:
     if bends and others[0].verb in _FROM_BELOW and generator.random() < 0.5:
         parts = (replace(others[0], link=""), *others[1:])  # the next action implies the bend
     clauses = [_varied(clause, sentence, owner, generator) for clause in parts]
-    short = form == "go" and generator.random() < 0.4
-    return _joined(clauses, subject, form, short, generator)
+    return _joined(clauses, subject, form, form == "go" and generator.random() < 0.4, generator)
 
 
 def in_order(
@@ -259,8 +258,7 @@ def _varied(
                 break
     for pattern, choices in PHRASES:
         if generator.random() < 0.6:
-            choice = str(generator.choice(choices))
-            text = re.sub(pattern, choice, text, count=1)
+            text = re.sub(pattern, str(generator.choice(choices)), text, count=1)
     if generator.random() < 0.4:
         text = other_number(text)
     verb, *words = text.split()

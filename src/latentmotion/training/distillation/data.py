@@ -127,8 +127,7 @@ class DistillationData:
         parts = [self._trajectories(TRAJECTORIES_FILE, blocks, 0)]
         if self.drawn:
             blocks = in_blocks(crop for crop, _ in self.drawn)
-            drawn = self._trajectories("asked.safetensors", blocks, 2**30, dict(self.drawn))
-            parts.append(drawn)
+            parts.append(self._trajectories("asked.safetensors", blocks, 2**30, dict(self.drawn)))
         if self.reworded:
             blocks = in_blocks(crop for crop, _ in self.reworded)
             parts.append(self._trajectories("reworded.safetensors", blocks, 3 << 30))

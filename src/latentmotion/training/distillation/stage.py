@@ -138,15 +138,9 @@ def distill(
     open_run(folder, run, context)
     path = file_beside(model.card, source, LENGTHS_FILE)
     lengths = path and LengthFile(path, model.card.condition.text_encoder)
+    earlier = checkpoint.load_model(former) if former else None
     distillation_data = prepare_distillation(
-        settings,
-        dataset,
-        model,
-        encoder,
-        folder,
-        context,
-        lengths,
-        checkpoint.load_model(former) if former else None,
+        settings, dataset, model, encoder, folder, context, lengths, earlier
     )
     previews = Previews(model.vae, card, settings.cropping.max_frames // 2)
     stage = DistillStage(student, card, distillation_data, previews)

@@ -94,8 +94,7 @@ class Teacher:
             states = [z for _, z in samplers.trajectory(*chain)]
         stops = [stop * steps // self.few_step.solver_steps for stop in self.few_step.stops]
         points = torch.stack([states[stop] for stop in stops], dim=1)
-        rows = torch.arange(len(crops))
-        return Trajectories(points, mask, scale, rows).to(torch.device("cpu"))
+        return Trajectories(points, mask, scale, torch.arange(len(crops))).to(torch.device("cpu"))
 
     def _sampler(self) -> tuple[samplers.Sampler, int]:
         """Returns the sampler and its number of steps."""
