@@ -8,13 +8,15 @@ Each part is a loft: rings of superellipses along an axis, closed by rounded cap
 
 with rv of its own in front and behind. Sizes are meters on the body of a generated motion in a
 T-pose: y is up, z ahead, x to its left. Left parts are mirrored. A part moves with one joint; the
-waist and the neck, which bend, share their vertices out between the joints above and below.
+waist and the neck, which bend, share their vertices out between the joints above and below. The
+parts are listed in `mannequin.toml`.
 """
 
 from __future__ import annotations
 
 import base64
 import json
+import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -38,11 +40,8 @@ REST = {
     "left_wrist": (0.793, 0.327, 0),
 }
 
-SPINE = ("pelvis", "spine1", "spine2", "spine3")
-NECK = ("spine3", "neck", "head")
-
 # Place along the axis; radius along u, along v in front and behind; shift along u and along v.
-Station = tuple[float, ...]
+Station = Sequence[float]
 
 
 @dataclass(frozen=True)
@@ -160,14 +159,11 @@ def ball(center: Sequence[float], radius: float, sides: int = 12) -> tuple[np.nd
     return points, np.array(faces)
 
 
-HEAD: tuple[Station, ...] = (
-    (0.620, 0.046, 0.076, 0.030),
-    (0.646, 0.063, 0.091, 0.068),
-    (0.688, 0.075, 0.096, 0.096),
-    (0.732, 0.080, 0.095, 0.108),
-    (0.772, 0.076, 0.084, 0.103),
-    (0.804, 0.060, 0.063, 0.081),
-)
+# Parts of the middle and the left side.
+PARTS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["parts"]
+
+# Stations of the head, on which the face lies.
+HEAD: list[Station] = next(row["stations"] for row in PARTS if row["joints"] == ["head"])
 
 
 def face() -> tuple[np.ndarray, np.ndarray]:
@@ -196,282 +192,13 @@ def face() -> tuple[np.ndarray, np.ndarray]:
 
 def parts() -> Iterator[Part]:
     """Yields the parts of the middle and the left side."""
-    up, left, ahead = (0, 1, 0), (1, 0, 0), (0, 0, 1)
-    # u to the right and the axis up make v the front.
-    right = (-1, 0, 0)
-
-    yield Part(
-        ("pelvis",),
-        ("pelvis", "spine1"),
-        *loft(
-            (0, 0, 0),
-            up,
-            right,
-            (
-                (-0.135, 0.070, 0.058, 0.062),
-                (-0.095, 0.122, 0.084, 0.094),
-                (-0.035, 0.147, 0.092, 0.106),
-                (0.025, 0.138, 0.088, 0.094),
-                (0.078, 0.118, 0.080, 0.076),
-            ),
-            (0.028, 0.014),
-            16,
-            6,
-            2.3,
-        ),
-    )
-    yield Part(
-        SPINE,
-        ("pelvis", "spine3"),
-        *loft(
-            (0, 0, 0),
-            up,
-            right,
-            (
-                (0.02, 0.104, 0.068, 0.066),
-                (0.10, 0.098, 0.072, 0.062),
-                (0.18, 0.099, 0.074, 0.062),
-                (0.30, 0.115, 0.080, 0.070),
-            ),
-            (0.01, 0.01),
-            14,
-            6,
-            2.2,
-            1,
-        ),
-        accent=True,
-    )
-    yield Part(
-        ("spine3",),
-        ("spine3", "neck"),
-        *loft(
-            (0, 0, 0),
-            up,
-            right,
-            (
-                (0.196, 0.112, 0.082, 0.072),
-                (0.262, 0.142, 0.100, 0.086),
-                (0.340, 0.165, 0.110, 0.098),
-                (0.410, 0.157, 0.099, 0.099, 0, -0.004),
-                (0.470, 0.120, 0.074, 0.086, 0, -0.010),
-                (0.525, 0.070, 0.054, 0.064, 0, -0.008),
-            ),
-            (0.018, 0.012),
-            16,
-            9,
-            2.3,
-        ),
-    )
-    yield Part(
-        NECK,
-        ("neck", "head"),
-        *loft(
-            (0, 0, 0.004),
-            up,
-            right,
-            (
-                (0.49, 0.054, 0.050, 0.054),
-                (0.57, 0.050, 0.048, 0.051, 0, 0.002),
-                (0.66, 0.049, 0.046, 0.052, 0, 0.012),
-            ),
-            (0.01, 0.01),
-            12,
-            4,
-            2.0,
-            1,
-        ),
-        accent=True,
-    )
-    head = loft((0, 0, 0.022), up, right, HEAD, (0.016, 0.024), 16, 8, 2.15)
-    yield Part(("head",), ("neck", "head"), *head)
-    yield Part(("head",), ("neck", "head"), *face(), accent=True)
-
-    yield Part(
-        ("left_collar",),
-        ("left_collar", "left_shoulder"),
-        *loft(
-            (0.085, 0.362, -0.004),
-            (1, -0.16, 0.02),
-            up,
-            ((0, 0.046, 0.066, 0.066), (0.07, 0.062, 0.070, 0.070), (0.145, 0.060, 0.063, 0.063)),
-            (0.04, 0.022),
-            10,
-            3,
-        ),
-    )
-    yield Part(
-        ("left_shoulder",),
-        ("left_shoulder", "left_shoulder"),
-        *ball(REST["left_shoulder"], 0.062, 10),
-        accent=True,
-    )
-    yield Part(
-        ("left_shoulder",),
-        ("left_shoulder", "left_elbow"),
-        *loft(
-            (0.266, 0.327, 0),
-            left,
-            up,
-            (
-                (0.048, 0.056, 0.057, 0.057),
-                (0.10, 0.056, 0.057, 0.057),
-                (0.16, 0.048, 0.049, 0.050),
-                (0.222, 0.037, 0.038, 0.038),
-            ),
-            (0.030, 0.012),
-            12,
-            5,
-        ),
-    )
-    yield Part(
-        ("left_elbow",),
-        ("left_elbow", "left_elbow"),
-        *ball(REST["left_elbow"], 0.036, 10),
-        accent=True,
-    )
-    yield Part(
-        ("left_elbow",),
-        ("left_elbow", "left_wrist"),
-        *loft(
-            (0.526, 0.327, 0),
-            left,
-            up,
-            (
-                (0.034, 0.038, 0.039, 0.039),
-                (0.085, 0.042, 0.044, 0.043),
-                (0.155, 0.034, 0.036, 0.036),
-                (0.240, 0.024, 0.029, 0.029),
-            ),
-            (0.014, 0.010),
-            12,
-            5,
-        ),
-    )
-    wrist, arm = ("left_wrist",), ("left_elbow", "left_wrist")
-    yield Part(
-        wrist, ("left_wrist", "left_wrist"), *ball(REST["left_wrist"], 0.024, 8), accent=True
-    )
-    yield Part(
-        wrist,
-        arm,
-        *loft(
-            (0.793, 0.325, 0.002),
-            left,
-            up,
-            (
-                (0.022, 0.017, 0.027, 0.027),
-                (0.06, 0.018, 0.038, 0.036),
-                (0.098, 0.014, 0.040, 0.040),
-            ),
-            (0.010, 0.006),
-            10,
-            4,
-            2.6,
-            1,
-        ),
-    )
-    for z, length, begin in (
-        (0.031, 0.066, 0.100),
-        (0.010, 0.074, 0.103),
-        (-0.011, 0.069, 0.101),
-        (-0.031, 0.054, 0.096),
-    ):
-        finger = (
-            (0, 0.0098, 0.0098, 0.0098),
-            (length * 0.6, 0.0092, 0.0092, 0.0092, -0.004),
-            (length, 0.0076, 0.0076, 0.0076, -0.014),
-        )
-        start = (0.793 + begin, 0.323, 0.002 + z)
-        yield Part(
-            wrist, arm, *loft(start, (1, -0.06, z), up, finger, (0.006, 0.008), 6, 3, 2.0, 1)
-        )
-    thumb = ((0, 0.013, 0.013, 0.013), (0.035, 0.012, 0.012, 0.012), (0.062, 0.009, 0.009, 0.009))
-    yield Part(
-        wrist,
-        arm,
-        *loft((0.825, 0.318, 0.026), (0.75, -0.2, 0.75), up, thumb, (0.012, 0.009), 6, 3),
-    )
-
-    hip, knee = np.array(REST["left_hip"], float), np.array(REST["left_knee"], float)
-    ankle = np.array(REST["left_ankle"], float)
-    yield Part(
-        ("left_hip",),
-        ("left_hip", "left_knee"),
-        *loft(
-            hip,
-            knee - hip,
-            left,
-            (
-                (0.035, 0.074, 0.088, 0.090, 0.013),
-                (0.11, 0.078, 0.088, 0.088, 0.006),
-                (0.22, 0.066, 0.074, 0.072),
-                (0.35, 0.050, 0.053, 0.052),
-            ),
-            (0.060, 0.016),
-            12,
-            5,
-            2.1,
-        ),
-    )
-    yield Part(("left_knee",), ("left_knee", "left_knee"), *ball(knee, 0.049, 10), accent=True)
-    yield Part(
-        ("left_knee",),
-        ("left_knee", "left_ankle"),
-        *loft(
-            knee,
-            ankle - knee,
-            left,
-            (
-                (0.045, 0.048, 0.052, 0.050),
-                (0.12, 0.053, 0.050, 0.064),
-                (0.20, 0.047, 0.042, 0.058),
-                (0.30, 0.035, 0.035, 0.040),
-                (0.388, 0.030, 0.033, 0.033),
-            ),
-            (0.018, 0.010),
-            12,
-            5,
-        ),
-    )
-    yield Part(("left_ankle",), ("left_ankle", "left_ankle"), *ball(ankle, 0.033, 10), accent=True)
-    sole = -0.953
-    yield Part(
-        ("left_ankle",),
-        ("left_ankle", "left_foot"),
-        *loft(
-            (0.147, sole + 0.026, 0),
-            ahead,
-            left,
-            (
-                (-0.048, 0.030, 0.034, 0.026),
-                (0.0, 0.036, 0.056, 0.026),
-                (0.05, 0.040, 0.042, 0.026, -0.002),
-                (0.112, 0.046, 0.023, 0.026, -0.005),
-            ),
-            (0.018, 0.004),
-            12,
-            5,
-            2.7,
-        ),
-    )
-    yield Part(
-        ("left_foot",),
-        ("left_foot", "left_foot"),
-        *loft(
-            (0.147, sole + 0.022, 0),
-            ahead,
-            left,
-            (
-                (0.124, 0.046, 0.022, 0.022, -0.006),
-                (0.165, 0.044, 0.017, 0.022, -0.006),
-                (0.192, 0.034, 0.010, 0.021, -0.004),
-            ),
-            (0.004, 0.016),
-            10,
-            3,
-            2.6,
-        ),
-    )
+    for row in PARTS:
+        if "axis" in row:
+            surface = loft(**row["axis"], stations=row["stations"], **row["rings"])
+        else:
+            surface = ball(**row["ball"]) if "ball" in row else face()
+        first, last = row["anchor"]
+        yield Part(tuple(row["joints"]), (first, last), *surface, row.get("accent", False))
 
 
 def whole() -> list[Part]:
