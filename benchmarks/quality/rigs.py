@@ -5,9 +5,11 @@ Each is written as a `.glb` whose skin is one box a bone, so that pictures show 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,111 +32,21 @@ class RigShape:
     extensions: dict = field(default_factory=dict)
 
 
-def _mirrored(middle: Tree, left: Tree, marks: tuple[str, str]) -> Tree:
-    tree = dict(middle)
+def _shape(
+    marks: Sequence[str], middle: Mapping[str, list], left: Mapping[str, list], **settings: Any
+) -> RigShape:
+    """Returns a character of the table, whose left side is mirrored."""
+    tree = {name: (parent or None, tuple(place)) for name, (parent, *place) in middle.items()}
     for side, sign in zip(marks, (1, -1), strict=True):
-        for name, (parent, (x, y, z)) in left.items():
-            above = None if parent is None else parent.replace("@", side)
-            tree[name.replace("@", side)] = (above, (sign * x, y, z))
-    return tree
+        for name, (parent, x, y, z) in left.items():
+            tree[name.replace("@", side)] = (parent.replace("@", side), (sign * x, y, z))
+    return RigShape(tree, **settings)
 
 
-# A T-pose in centimeters below a node that scales them, y along the bones.
-MIXAMO = RigShape(
-    _mirrored(
-        {
-            "mixamorig:Hips": (None, (0, 1.0, 0)),
-            "mixamorig:Spine": ("mixamorig:Hips", (0, 1.1, -0.01)),
-            "mixamorig:Spine1": ("mixamorig:Spine", (0, 1.22, -0.02)),
-            "mixamorig:Spine2": ("mixamorig:Spine1", (0, 1.35, -0.02)),
-            "mixamorig:Neck": ("mixamorig:Spine2", (0, 1.5, -0.02)),
-            "mixamorig:Head": ("mixamorig:Neck", (0, 1.58, 0.0)),
-            "mixamorig:HeadTop_End": ("mixamorig:Head", (0, 1.78, 0.03)),
-        },
-        {
-            "mixamorig:@Shoulder": ("mixamorig:Spine2", (0.06, 1.45, -0.02)),
-            "mixamorig:@Arm": ("mixamorig:@Shoulder", (0.18, 1.44, -0.04)),
-            "mixamorig:@ForeArm": ("mixamorig:@Arm", (0.46, 1.44, -0.04)),
-            "mixamorig:@Hand": ("mixamorig:@ForeArm", (0.73, 1.44, -0.04)),
-            "mixamorig:@HandIndex1": ("mixamorig:@Hand", (0.82, 1.44, -0.02)),
-            "mixamorig:@HandIndex2": ("mixamorig:@HandIndex1", (0.86, 1.44, -0.02)),
-            "mixamorig:@HandThumb1": ("mixamorig:@Hand", (0.76, 1.42, 0.0)),
-            "mixamorig:@UpLeg": ("mixamorig:Hips", (0.09, 0.95, 0)),
-            "mixamorig:@Leg": ("mixamorig:@UpLeg", (0.09, 0.52, 0.0)),
-            "mixamorig:@Foot": ("mixamorig:@Leg", (0.09, 0.1, -0.03)),
-            "mixamorig:@ToeBase": ("mixamorig:@Foot", (0.1, 0.02, 0.1)),
-            "mixamorig:@Toe_End": ("mixamorig:@ToeBase", (0.1, 0.02, 0.17)),
-        },
-        ("Left", "Right"),
-    ),
-    along=(0, 1, 0),
-    unit=0.01,
-    above={"scale": [0.01, 0.01, 0.01]},
-)
+_TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
-# An A-pose facing +x, z along the bones, five spine bones below a root on the floor.
-UNREAL = RigShape(
-    _mirrored(
-        {
-            "root": (None, (0, 0, 0)),
-            "pelvis": ("root", (0, 0.97, 0.0)),
-            "spine_01": ("pelvis", (0, 1.04, 0.01)),
-            "spine_02": ("spine_01", (0, 1.12, 0.02)),
-            "spine_03": ("spine_02", (0, 1.2, 0.01)),
-            "spine_04": ("spine_03", (0, 1.29, -0.01)),
-            "spine_05": ("spine_04", (0, 1.38, -0.02)),
-            "neck_01": ("spine_05", (0, 1.52, -0.03)),
-            "neck_02": ("neck_01", (0, 1.57, -0.01)),
-            "head": ("neck_02", (0, 1.63, 0.0)),
-            "ik_foot_root": ("root", (0, 0, 0)),
-        },
-        {
-            "clavicle_@": ("spine_05", (0.01, 1.48, 0.0)),
-            "upperarm_@": ("clavicle_@", (0.17, 1.45, -0.04)),
-            "upperarm_twist_01_@": ("upperarm_@", (0.27, 1.35, -0.045)),
-            "lowerarm_@": ("upperarm_@", (0.37, 1.24, -0.05)),
-            "hand_@": ("lowerarm_@", (0.56, 1.06, 0.02)),
-            "middle_01_@": ("hand_@", (0.62, 0.99, 0.05)),
-            "thigh_@": ("pelvis", (0.1, 0.95, 0.0)),
-            "thigh_twist_01_@": ("thigh_@", (0.12, 0.75, 0.01)),
-            "calf_@": ("thigh_@", (0.14, 0.52, 0.02)),
-            "foot_@": ("calf_@", (0.18, 0.08, -0.02)),
-            "ball_@": ("foot_@", (0.22, 0.015, 0.12)),
-            "ik_foot_@": ("ik_foot_root", (0.18, 0.08, -0.02)),
-        },
-        ("l", "r"),
-    ),
-    along=(0, 0, 1),
-    above={"rotation": [0, 0.7071067811865476, 0, 0.7071067811865476]},
-)
-
-# Child proportions with the world's axes at all bones, as VRoid exports them.
-CHILD = RigShape(
-    _mirrored(
-        {
-            "J_Bip_C_Hips": (None, (0, 0.5, 0)),
-            "J_Bip_C_Spine": ("J_Bip_C_Hips", (0, 0.56, 0.0)),
-            "J_Bip_C_Chest": ("J_Bip_C_Spine", (0, 0.68, -0.01)),
-            "J_Bip_C_Neck": ("J_Bip_C_Chest", (0, 0.84, -0.02)),
-            "J_Bip_C_Head": ("J_Bip_C_Neck", (0, 0.89, 0.0)),
-            "HairTip": ("J_Bip_C_Head", (0, 1.15, 0.0)),
-        },
-        {
-            "J_Bip_@_Shoulder": ("J_Bip_C_Chest", (0.02, 0.81, -0.01)),
-            "J_Bip_@_UpperArm": ("J_Bip_@_Shoulder", (0.09, 0.8, -0.02)),
-            "J_Bip_@_LowerArm": ("J_Bip_@_UpperArm", (0.24, 0.8, -0.02)),
-            "J_Bip_@_Hand": ("J_Bip_@_LowerArm", (0.38, 0.8, -0.02)),
-            "J_Bip_@_Index1": ("J_Bip_@_Hand", (0.44, 0.8, -0.01)),
-            "J_Bip_@_UpperLeg": ("J_Bip_C_Hips", (0.07, 0.47, 0)),
-            "J_Bip_@_LowerLeg": ("J_Bip_@_UpperLeg", (0.06, 0.27, 0.0)),
-            "J_Bip_@_Foot": ("J_Bip_@_LowerLeg", (0.06, 0.07, -0.02)),
-            "J_Bip_@_ToeBase": ("J_Bip_@_Foot", (0.07, 0.015, 0.09)),
-        },
-        ("L", "R"),
-    )
-)
-
-RIGS = {"mixamo": MIXAMO, "unreal": UNREAL, "child": CHILD}
+RIGS = {name: _shape(**row) for name, row in _TABLE.items()}
+MIXAMO, UNREAL, CHILD = RIGS.values()
 
 
 def write_rig(path: Path, shape: RigShape) -> Path:
