@@ -77,25 +77,19 @@ class SingleStepSampler(ABC):
 
 @dataclass(frozen=True)
 class DDIM(SingleStepSampler):
-    """Song et al. 2021, eq. 12: keep the estimated noise, or with `eta` replace a part of it.
+    """Song et al. 2021, eq. 12 with its eta 0: keep the estimated noise.
 
-    With eta 0 it is Euler's method on every schedule: the flow is dz = z_0 dα + epsilon dσ, and
+    That is Euler's method on every schedule: the flow is dz = z_0 dα + epsilon dσ, and
     z_t + (α_s - α_t) z_0 + (σ_s - σ_t) epsilon = α_s z_0 + σ_s epsilon, as z_t = α_t z_0 + σ_t
     epsilon.
     """
 
     schedule: Schedule
-    eta: float = 0.0
 
     def step(self, estimates: Estimates, z: Latents, t: float, s: float, noise: Noise) -> Latents:
-        """Returns alpha_s z_0 + sqrt(sigma_s² - fresh²) epsilon + fresh · noise."""
+        """Returns alpha_s z_0 + sigma_s epsilon."""
         z0, epsilon = estimates
-        alpha, sigma = self.schedule.alpha(s), self.schedule.sigma(s)
-        if self.eta == 0:
-            return alpha * z0 + sigma * epsilon
-        added = self.eta * _posterior(self.schedule, t, s)[2]
-        remaining = (sigma**2 - added**2) ** 0.5
-        return alpha * z0 + remaining * epsilon + added * _like(z, noise)
+        return self.schedule.alpha(s) * z0 + self.schedule.sigma(s) * epsilon
 
 
 @dataclass(frozen=True)
