@@ -32,12 +32,7 @@ from torch import Tensor, nn
 from latentmotion import MotionPipeline
 from latentmotion.data.clip import Caption, Source, Split
 from latentmotion.data.dataset import Dataset
-from latentmotion.data.store import (
-    StoredClip,
-    StoredMotion,
-    stored_normalizer,
-    write_dataset,
-)
+from latentmotion.data.store import StoredClip, StoredMotion, stored_normalizer, write_dataset
 from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.backend import FeatureEncoder
 from latentmotion.language.reading import request_of

@@ -7,15 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.directing.bench import (
-    CLIP,
-    Bench,
-    Recording,
-    Rows,
-    Values,
-    blended,
-    jerk,
-)
+from benchmarks.directing.bench import CLIP, Bench, Recording, Rows, Values, blended, jerk
 from latentmotion.control.edit import generate_edited
 from latentmotion.control.exact import inertialized
 from latentmotion.errors import InputError

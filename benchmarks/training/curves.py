@@ -325,10 +325,7 @@ def error_curves(path: Path, curves: Mapping[str, Sequence[tuple[int, float, flo
         curves: For each run its (step, hours, mm).
     """
     figure, panels = new_figure(columns=2)
-    for panel, column, label in (
-        (panels[0], 0, "Optimizer step"),
-        (panels[1], 1, "Core hours"),
-    ):
+    for panel, column, label in ((panels[0], 0, "Optimizer step"), (panels[1], 1, "Core hours")):
         for name, points in curves.items():
             panel.plot([p[column] for p in points], [p[2] for p in points], ".-", label=name)
         panel.set(xlabel=label, ylabel="MPJPE of held-out clips, mm")

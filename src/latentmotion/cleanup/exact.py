@@ -228,10 +228,7 @@ _LEVEL = 0.7
 
 
 def exact_turns(
-    joints: BatchedJoints,
-    fps: float,
-    skeleton: Skeleton,
-    turns: Sequence[Turn | None],
+    joints: BatchedJoints, fps: float, skeleton: Skeleton, turns: Sequence[Turn | None]
 ) -> tuple[BatchedJoints, list[float | None]]:
     """Makes motions turn by what is asked, where it is without doubt the turn that was asked.
 

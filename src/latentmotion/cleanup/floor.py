@@ -270,10 +270,7 @@ _SOLE, _RAISED = 0.015, (0.1, 0.15)
 
 
 def hold_seats(
-    joints: BatchedJoints,
-    fps: float,
-    skeleton: Skeleton,
-    lengths: Lengths = None,
+    joints: BatchedJoints, fps: float, skeleton: Skeleton, lengths: Lengths = None
 ) -> BatchedJoints:
     """Returns the joints with sitters that do not sink.
 
@@ -321,10 +318,7 @@ def hold_seats(
 
 
 def _seated(
-    joints: BatchedJoints,
-    fps: float,
-    skeleton: Skeleton,
-    lengths: Lengths,
+    joints: BatchedJoints, fps: float, skeleton: Skeleton, lengths: Lengths
 ) -> tuple[Bool[np.ndarray, "frames motions"], Bool[np.ndarray, "frames motions"]]:
     """Returns whether somebody surely sits on something higher than the floor, and may still."""
     legs, pelvis = find_legs(skeleton), joints[:, :, 0]

@@ -72,10 +72,7 @@ _SHAKING = (0.0015, 0.0025)
 
 
 def steadied(
-    joints: BatchedJoints,
-    fps: float,
-    cutoff: float,
-    lengths: Lengths = None,
+    joints: BatchedJoints, fps: float, cutoff: float, lengths: Lengths = None
 ) -> BatchedJoints:
     """Smooths motions as far as they shake.
 

@@ -239,9 +239,7 @@ def _tilted(guess: Vectors, angles: Float[np.ndarray, "*batch 2"]) -> Vectors:
     return np.cos(angle) * guess + np.sinc(angle / np.pi) * across
 
 
-def _plane(
-    normal: Vectors,
-) -> tuple[Vectors, Vectors]:
+def _plane(normal: Vectors) -> tuple[Vectors, Vectors]:
     """Two unit vectors across a third (Duff et al., "Building an Orthonormal Basis, Revisited")."""
     x, y, z = normal[..., 0], normal[..., 1], normal[..., 2]
     sign = np.where(z >= 0, 1.0, -1.0)

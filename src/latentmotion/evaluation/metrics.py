@@ -322,11 +322,7 @@ def kid(generated: Features, real: Features, paired: bool = False) -> float:
 
 
 def drawn_kid(
-    generated: Features,
-    real: Features,
-    subsets: int,
-    size: int,
-    generator: np.random.Generator,
+    generated: Features, real: Features, subsets: int, size: int, generator: np.random.Generator
 ) -> float:
     """Returns the mean of the estimates from random subsets, as `UncondMetrics` of the authors.
 

@@ -113,12 +113,7 @@ class SentenceEncoder(SequenceEncoder):
         super().__init__(words, hidden, hidden, width)
         self.pos_emb = nn.Linear(len(PARTS_OF_SPEECH), words)
 
-    def read(
-        self,
-        words: Words,
-        parts: PartsOfSpeech,
-        lengths: Int[Tensor, " batch"],
-    ) -> Vectors:
+    def read(self, words: Words, parts: PartsOfSpeech, lengths: Int[Tensor, " batch"]) -> Vectors:
         """Returns one vector for each sentence."""
         classes = nn.functional.one_hot(parts, len(PARTS_OF_SPEECH)).to(words.dtype)
         return self(words + self.pos_emb(classes), lengths)
@@ -149,12 +144,7 @@ class TextMotionNetworks(nn.Module):
         visible = features[..., : self.config.features - self.config.left_out]
         return self.motion_encoder(self.movement_encoder(visible), mask.sum(1) // FRAMES)
 
-    def texts(
-        self,
-        words: Words,
-        parts: PartsOfSpeech,
-        mask: WordMask,
-    ) -> Vectors:
+    def texts(self, words: Words, parts: PartsOfSpeech, mask: WordMask) -> Vectors:
         """Returns the vectors of sentences."""
         return self.text_encoder.read(words, parts, mask.sum(1))
 
@@ -266,12 +256,7 @@ class TowerNetworks(nn.Module):
         x = F.gelu(self.quarter(x)).transpose(1, 2)
         return self.motion_tower(x, tokens)
 
-    def texts(
-        self,
-        words: Words,
-        parts: PartsOfSpeech,
-        mask: WordMask,
-    ) -> Vectors:
+    def texts(self, words: Words, parts: PartsOfSpeech, mask: WordMask) -> Vectors:
         """Returns the vectors of sentences; parts of speech are not read."""
         return self.text_tower(self.words_in(words), mask)
 
