@@ -154,7 +154,7 @@ class BulkGeneration:
         """
         task = pipeline.card.condition
         sampling = pipeline.card.sampling.but(self.steps, self.guidance, self.sampler)
-        prompt = next(iter(task.known_prompts), "a person walks") if task.prompted else ""
+        prompt = next(iter(task.labels), "a person walks") if task.prompted else ""
         frames = self.frames(pipeline, [PromptRow(0, prompt, 0)])
         request = requests.GenerationRequest((prompt,), tuple(frames), (0,), sampling)
         request.check(pipeline.card, pipeline.representation.fps)

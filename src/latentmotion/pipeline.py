@@ -194,7 +194,7 @@ class MotionPipeline(PickledByFields):
             files = cards.find_text_encoder(card, folder)
             task = card.condition
             encoder = encoders.LazyTextEncoder(
-                files[0].parent, task.text_encoder or "", task.condition_width
+                files[0].parent, task.encoder or "", task.condition_width
             )
             if cache is None:
                 return encoder
@@ -208,7 +208,7 @@ class MotionPipeline(PickledByFields):
             card,
             card.prompt_condition(text_encoder),
             Backend.of_folder(card, folder, runtime, threads),
-            lengths=lengths and LengthFile(lengths, card.condition.text_encoder),
+            lengths=lengths and LengthFile(lengths, card.condition.encoder),
             encoder=moves and LazySession(moves[1], runtime, threads),
             moves=moves[:1] if moves else (),
         )

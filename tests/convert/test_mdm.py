@@ -111,7 +111,7 @@ def test_the_converted_network_gives_mdms_numbers(
 def test_without_a_sentence_mdm_sees_zeros(tmp_path: Path) -> None:
     clip = {"clip_model.w": torch.zeros(2)}
     card = load_model(converted(tmp_path, "text", {"model_avg": weights("text") | clip})).card
-    assert card.condition.text_encoder == "openai/clip-vit-base-patch32"
+    assert card.condition.encoder == "openai/clip-vit-base-patch32"
 
     class Ones:
         name, width = "ones", WORDS

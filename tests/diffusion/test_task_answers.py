@@ -62,8 +62,8 @@ def test_what_follows_from_a_task(
     task: Task, reads: bool, prompted: bool, whole: bool, width: int, known: tuple, parents: dict
 ) -> None:
     assert (task.reads_text, task.prompted, task.whole_clips) == (reads, prompted, whole)
-    assert (task.condition_width, task.known_prompts, task.parents) == (width, known, parents)
-    assert task.text_encoder == parents.get("text")
+    assert (task.condition_width, task.labels, task.parents) == (width, known, parents)
+    assert task.encoder == parents.get("text")
 
 
 @pytest.mark.parametrize(

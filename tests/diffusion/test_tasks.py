@@ -64,7 +64,7 @@ def test_mirrored_copies_have_labels_of_their_own(
 ) -> None:
     experiment = small(task="action", mirrored=False, **{"denoiser_training.steps": 1})
     model = train_denoiser(experiment, figures, vae_run, None, tmp_path / "run", CONTEXT)
-    assert read_card(model).condition.known_prompts == tuple(LABELS[:3])
+    assert read_card(model).condition.labels == tuple(LABELS[:3])
 
 
 def test_an_action_model_generates(actions: Path) -> None:
@@ -198,7 +198,7 @@ def test_labels_only_held_out_clips_have_are_left_out(
     )
     experiment = small(task="action", **{"denoiser_training.steps": 1})
     model = train_denoiser(experiment, folder, vae_run, None, tmp_path / "run", CONTEXT)
-    assert "new" not in read_card(model).condition.known_prompts
+    assert "new" not in read_card(model).condition.labels
 
 
 def test_a_table_of_prompts_has_the_null_condition_under_the_empty_prompt() -> None:

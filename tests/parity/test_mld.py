@@ -222,7 +222,7 @@ def test_a_whole_action_file_generates_by_label(variants: Variants) -> None:
     weights = load_file(variants.out / "action/weights.safetensors")
     assert all(6890 not in tensor.shape for tensor in weights.values())
     assert (model.card.task, model.card.frames) == ("action", (60, 60))
-    assert model.card.condition.known_prompts[:2] == ("warm_up", "walk")
+    assert model.card.condition.labels[:2] == ("warm_up", "walk")
     generator = generator_of(model, variants.out / "action", None)
     walk, jump = generator.features(["walk", "jump"], [60, 60], [1, 1], steps=2)
     assert walk.shape == (60, 19)

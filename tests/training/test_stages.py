@@ -48,7 +48,7 @@ def test_a_denoiser_is_trained_on_its_latents(figures: Path, vae_run: Path, tmp_
     model = load_model(folder)
     assert model.card.latents.frames_per_token == 4
     assert len(model.card.latents.std) == 4 and min(model.card.latents.std) > 0
-    assert model.card.condition.text_encoder == "letter-count"
+    assert model.card.condition.encoder == "letter-count"
     assert model.card.condition.condition_width == 6
     assert len(model.card.provenance.commands) == 2
     lines = read_journal(tmp_path / "run")

@@ -98,7 +98,7 @@ class Export:
                 raise InputError(f"the text encoder {encoder.name} cannot be exported")
             parts.append(partial(package.export_pretrained, encoder))
         if self.length is not None:
-            lengths = LengthModel.read(self.length, card.condition.text_encoder)
+            lengths = LengthModel.read(self.length, card.condition.encoder)
             parts.append(lambda target: lengths.write(target / cards.LENGTHS_FILE))
 
         def write_text(target: Path) -> None:

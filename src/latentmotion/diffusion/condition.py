@@ -234,6 +234,8 @@ class Task(ABC):
     # Whether a clip is shown as a whole; else parts with sentences of their own are items.
     whole_clips: ClassVar[bool] = True
     asks_for: ClassVar[str]  # Clips that an evaluation can use, as a phrase for messages.
+    encoder: str | None = None  # Name of the text encoder, where there is one.
+    labels: tuple[str, ...] = ()  # All possible prompts, where their number is finite.
 
     @classmethod
     def of_training(cls: type[AnyTask], training: TrainingCondition) -> AnyTask:
@@ -285,17 +287,7 @@ class Task(ABC):
     @property
     def parents(self) -> dict[str, str]:
         """Names of the models that this one depends on, which its run folder records."""
-        return {"text": self.text_encoder} if self.text_encoder else {}
-
-    @property
-    def text_encoder(self) -> str | None:
-        """Name of the text encoder, where there is one."""
-        return None
-
-    @property
-    def known_prompts(self) -> tuple[str, ...]:
-        """All possible prompts, where their number is finite."""
-        return ()
+        return {"text": self.encoder} if self.encoder else {}
 
 
 AnyTask = TypeVar("AnyTask", bound=Task)
@@ -354,11 +346,6 @@ class TextTask(Task):
         """Width of the text encoder's vectors."""
         return self.width
 
-    @property
-    def text_encoder(self) -> str | None:
-        """Name of the text encoder."""
-        return self.encoder
-
 
 @dataclass(frozen=True)
 class ActionTask(Task):
@@ -408,11 +395,6 @@ class ActionTask(Task):
     def condition_width(self) -> int:
         """One number per label, since a label is a one-hot vector."""
         return len(self.labels)
-
-    @property
-    def known_prompts(self) -> tuple[str, ...]:
-        """All labels."""
-        return self.labels
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def package_model(
                 raise ModelError(
                     f"the text encoder has {encoder_width} numbers per vector, model {card.name!r} "
                     f"reads {width}; it was trained with "
-                    f"{card.condition.text_encoder or 'another'!r}"
+                    f"{card.condition.encoder or 'another'!r}"
                 )
         _write_graphs(checkpoint.load_model(folder), folder, with_encoder=not left_out)
 

@@ -92,7 +92,7 @@ def export_web(source: Path, output: Path, weights: Weights = "int8") -> None:
             onnx.save(anonymous(graph), folder / motion_file(steps))
         lengths = cards.file_beside(card, source, cards.LENGTHS_FILE)
         if lengths and text:
-            model = LengthModel.read(lengths, card.condition.text_encoder)
+            model = LengthModel.read(lengths, card.condition.encoder)
             onnx.save(anonymous(store.taken(_seconds(text, model))), folder / SECONDS_FILE)
         store.write(folder / WEIGHTS_FILE)
         if tokenizer:
@@ -120,7 +120,7 @@ def joints_error(pipeline: MotionPipeline, folder: Path, steps: int) -> float:
         tokenizer = Tokenizer.from_file(str(folder / cards.TOKENIZER_FILE))
         prompt, ids = sentence, tokenizer.encode(sentence).ids
     else:  # the first label, or nothing
-        prompt = next(iter(pipeline.card.condition.known_prompts), "")
+        prompt = next(iter(pipeline.card.condition.labels), "")
         ids = [0] if prompt else []
     space = pipeline.card.latents
     session = open_session(folder / motion_file(steps), "onnxruntime", 1)
@@ -313,7 +313,7 @@ def _manifest(pipeline: MotionPipeline, folder: Path, weights: Weights) -> dict[
         digest.update(file.read_bytes())
     tokenizer = folder / cards.TOKENIZER_FILE
     text = json.loads(tokenizer.read_text("utf-8")) if tokenizer.is_file() else {}
-    labels = card.condition.known_prompts
+    labels = card.condition.labels
     steps = sorted(pipeline.backend.fused)  # larger numbers have no graph
     usual = card.sampling.steps if card.sampling.steps in steps else steps[-1]
     return {

@@ -290,7 +290,7 @@ def text_encoder_folder(card: ModelCard, folder: Path) -> Path | None:
     """
     if (folder / TEXT_GRAPH_FILE).is_file():
         return folder
-    return shipped_text_encoder(card.condition.text_encoder)
+    return shipped_text_encoder(card.condition.encoder)
 
 
 def shipped_text_encoder(name: str | None) -> Path | None:
@@ -299,7 +299,7 @@ def shipped_text_encoder(name: str | None) -> Path | None:
         shipped = SHIPPED / model
         if not (shipped / TEXT_GRAPH_FILE).is_file():
             continue
-        if read_card(shipped).condition.text_encoder == name:
+        if read_card(shipped).condition.encoder == name:
             return shipped
     return None
 

@@ -93,7 +93,7 @@ def torch_pipeline(
             execution,
         ),
         GPU_BATCH_SIZE if execution.device_type == GPU else MAX_BATCH_SIZE,
-        lengths=lengths and LengthFile(lengths, card.condition.text_encoder),
+        lengths=lengths and LengthFile(lengths, card.condition.encoder),
     )
 
 
@@ -154,7 +154,7 @@ def find_encoder(card: cards.ModelCard, folder: Path) -> TextEncoder:
     encoder_folder = cards.text_encoder_folder(card, folder)
     if encoder_folder is not None:
         return load_text_encoder(encoder_folder)
-    name = card.condition.text_encoder or "none"
+    name = card.condition.encoder or "none"
     try:
         return local_encoder(name)
     except LatentMotionError as error:

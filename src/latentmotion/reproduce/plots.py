@@ -222,7 +222,7 @@ CLEAN = -1.0  # Timestep that stands for latents without noise.
 
 def draw_latents(generator: MotionPipeline, path: Path) -> dict[str, Figure]:
     """Draws the maps of a model of actions; returns the silhouettes of noise and latents."""
-    labels = [label for label in generator.card.condition.known_prompts for _ in range(PER_LABEL)]
+    labels = [label for label in generator.card.condition.labels for _ in range(PER_LABEL)]
     states = latents_along(generator, labels, min(FRAMES, generator.card.frames[1]))
     names = {t: f"t = {t:g}" for t, _ in states} | {CLEAN: "z₀"}
     latent_maps(path, {names[t]: map_of(z) for t, z in chosen(states)}, labels)

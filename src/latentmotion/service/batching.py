@@ -304,7 +304,7 @@ def with_recent_prompts(pipeline: MotionPipeline) -> MotionPipeline:
 def first_prompt(pipeline: MotionPipeline) -> Prompt:
     """Returns a prompt for the first batch, which loads the networks before users wait for them."""
     condition = pipeline.card.condition
-    prompt = (getattr(condition, "labels", None) or ["a person walks"])[0]
+    prompt = (condition.labels or ["a person walks"])[0]
     return Prompt(prompt if condition.prompted else "", None, 0)
 
 

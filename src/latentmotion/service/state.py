@@ -270,7 +270,7 @@ def about(pipeline: MotionPipeline) -> ModelAnswer:
     lacking = lacks()
     card, space = pipeline.card, pipeline.representation
     condition, (shortest, longest) = card.condition, card.frames
-    labels: list[str] = list(getattr(condition, "labels", ()))
+    labels = list(condition.labels)
     return ModelAnswer(
         name=card.name,
         license=card.provenance.license,

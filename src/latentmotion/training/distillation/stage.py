@@ -137,7 +137,7 @@ def distill(
     run |= {"start": fingerprint(start), "former": fingerprint(former)}
     open_run(folder, run, context)
     path = file_beside(model.card, source, LENGTHS_FILE)
-    lengths = path and LengthFile(path, model.card.condition.text_encoder)
+    lengths = path and LengthFile(path, model.card.condition.encoder)
     earlier = checkpoint.load_model(former) if former else None
     distillation_data = prepare_distillation(
         settings, dataset, model, encoder, folder, context, lengths, earlier
