@@ -94,16 +94,26 @@ class DDIM(SingleStepSampler):
 
 @dataclass(frozen=True)
 class DDPM(SingleStepSampler):
-    """Ho et al. 2020, eq. 6-7: draw from q(z_s | z_t, z_0), with its own variance (fixed small)."""
+    """Ho et al. 2020, eq. 6-7: draw from q(z_s | z_t, z_0), with its own variance (fixed small).
+
+    With a = alpha_t / alpha_s and b² = sigma_t² - a² sigma_s², the noise added between s and t:
+    mean = (a sigma_s² z_t + alpha_s b² z_0) / sigma_t², deviation = b sigma_s / sigma_t.
+    """
 
     schedule: Schedule
 
     def step(self, estimates: Estimates, z: Latents, t: float, s: float, noise: Noise) -> Latents:
         """Returns a draw from the posterior at `s`; at an end without noise, its mean."""
-        z0, _ = estimates
-        of_z, of_z0, deviation = _posterior(self.schedule, t, s)
-        mean = of_z * z + of_z0 * z0
-        return mean + deviation * _like(z, noise) if deviation > 0 else mean
+        (z0, _), schedule = estimates, self.schedule
+        sigma_t, sigma_s = schedule.sigma(t), schedule.sigma(s)
+        a = schedule.alpha(t) / schedule.alpha(s)
+        added = max(sigma_t**2 - (a * sigma_s) ** 2, 0.0)
+        of_z, of_z0 = a * (sigma_s / sigma_t) ** 2, schedule.alpha(s) * added / sigma_t**2
+        mean, deviation = of_z * z + of_z0 * z0, added**0.5 * sigma_s / sigma_t
+        if deviation <= 0:
+            return mean
+        xp, drawn = array_namespace(z), noise(tuple(z.shape))
+        return mean + deviation * xp.asarray(drawn, dtype=z.dtype, device=device(z))
 
 
 @dataclass(frozen=True)
@@ -243,24 +253,6 @@ _SAMPLERS: dict[str, Callable[[Schedule], Sampler]] = {
     "heun": Heun,
     "dpm++": DPMSolver,
 }
-
-
-def _posterior(schedule: Schedule, t: float, s: float) -> tuple[float, float, float]:
-    """Weights of z_t and z_0 in the mean of q(z_s | z_t, z_0), and its standard deviation.
-
-    With a = alpha_t / alpha_s and b² = sigma_t² - a² sigma_s², the noise added between s and t:
-    mean = (a sigma_s² z_t + alpha_s b² z_0) / sigma_t², deviation = b sigma_s / sigma_t.
-    """
-    sigma_t, sigma_s = schedule.sigma(t), schedule.sigma(s)
-    a = schedule.alpha(t) / schedule.alpha(s)
-    added = max(sigma_t**2 - (a * sigma_s) ** 2, 0.0)
-    of_z = a * (sigma_s / sigma_t) ** 2
-    of_z0 = schedule.alpha(s) * added / sigma_t**2
-    return of_z, of_z0, added**0.5 * sigma_s / sigma_t
-
-
-def _like(z: Latents, noise: Noise) -> Latents:
-    return array_namespace(z).asarray(noise(tuple(z.shape)), dtype=z.dtype, device=device(z))
 
 
 class SeededNoise:
