@@ -85,7 +85,8 @@ def plan(folder: Path, data: Path, device: str, quick: bool) -> list[Step]:
     narrow, wide = (32, 48) if quick else (256, 512)
     teacher = folder / f"starter_{wide}" / "model"
     few = ("--set", "objective.trajectories=64") if quick else ()
-    distill = ("--teacher", str(teacher), "--data", str(data), *few, *on)
+    distill = ("latentmotion", "train", "distill", "--teacher", str(teacher))
+    distill = (*distill, "--data", str(data), *few, *on)
     student = str(folder / "student")
     evaluated = ("--instructions", "--output", str(folder / "instructions"), *on)
     sizes = ["vae_training.steps=2", "vae_training.batch_size=4", "denoiser_training.steps=2"]
@@ -93,20 +94,10 @@ def plan(folder: Path, data: Path, device: str, quick: bool) -> list[Step]:
     few_rows = ("--replications", "1") if quick else ()
 
     def table(name: str, *rows: str) -> tuple[str, ...]:
-        words = ("--data", str(data), "--budget", "small", "--evaluator", "scorer")
-        output = ("-o", str(folder / "tables"), *on)
+        command = ("latentmotion", "experiment", "run", name, "--data", str(data))
+        words = ("--budget", "small", "--evaluator", "scorer", "-o", str(folder / "tables"), *on)
         chosen = ("--rows", *rows) if rows else ()
-        return (
-            "latentmotion",
-            "experiment",
-            "run",
-            name,
-            *words,
-            *output,
-            *tiny,
-            *few_rows,
-            *chosen,
-        )
+        return (*command, *words, *tiny, *few_rows, *chosen)
 
     epsilon = ("epsilon", "epsilon_standardized", "epsilon_min_snr", "velocity_standardized", "z0")
     steps = [
@@ -114,12 +105,7 @@ def plan(folder: Path, data: Path, device: str, quick: bool) -> list[Step]:
         Step("training", (*generation, "--training", "-o", f"{folder}/training"), 0.04),
         Step(f"starter_{narrow}", on_starter(narrow), 0.16, "denoiser_training"),
         Step(f"starter_{wide}", on_starter(wide), 0.2, "denoiser_training"),
-        Step(
-            "student",
-            ("latentmotion", "train", "distill", *distill, "-o", student),
-            0.05,
-            "training",
-        ),
+        Step("student", (*distill, "-o", student), 0.05, "training"),
         Step("instructions", ("latentmotion", "evaluate", f"{student}/model", *evaluated), 0.03),
         Step("mld_vae", train("vae", "mld_vae", 128, *mld), 0.14, "vae_training"),
         Step(
@@ -165,11 +151,8 @@ def _steps(step: Step, folder: Path, seconds: float) -> int:
         start = time.perf_counter()
         words = list(step.words)
         words[words.index("-o") + 1] = str(folder / "pace" / step.name)
-        tried = (
-            f"{step.training}.steps={step.trial}",
-            f"{step.training}.report_every={step.trial // 2}",
-        )
-        words += [word for setting in tried for word in ("--set", setting)]
+        words += ["--set", f"{step.training}.steps={step.trial}"]
+        words += ["--set", f"{step.training}.report_every={step.trial // 2}"]
         trial = subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True)
         paces = re.findall(r"\(([\d.]+) s a step", trial.stdout)
         left = 0.9 * (seconds - 2 * (time.perf_counter() - start))

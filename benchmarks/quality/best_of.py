@@ -156,13 +156,11 @@ def obedience_table(every: Sequence[Judged]) -> list[str]:
     lines = [f"| group | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
     for group in (*GROUPS, OVERALL):
         rows = [one for one in every if group in (one.instruction.group, OVERALL)]
-        cells = []
-        for of, choose in ((1, CHOICES["score"]), (4, CHOICES["score"]), (8, CHOICES["score"])):
-            verdicts = [one.fulfilled[chosen(one, of, choose)].tolist() for one in rows]
-            cells.append(str(Share.of(verdicts)))
-        cells.append(
-            str(Share.of([one.fulfilled[chosen(one, most, None)].tolist() for one in rows]))
-        )
+        ways = [*((of, CHOICES["score"]) for of in (1, 4, 8)), (most, None)]
+        cells = [
+            str(Share.of([one.fulfilled[chosen(one, *way)].tolist() for one in rows]))
+            for way in ways
+        ]
         lines.append(f"| {group} | {' | '.join(cells)} |")
     lines += ["", "| choice | obeys, 4 | obeys, 8 | sliding mm/s | penetration mm | jerk m/s³ |"]
     lines.append("|---|---|---|---|---|---|")
@@ -200,16 +198,10 @@ def paired(every: Sequence[Judged]) -> list[str]:
             f"({100 * low:+.1f} to {100 * high:+.1f}, bootstrap over prompts)"
         )
     mixed = [one for one in every if 0 < one.fulfilled.sum() < len(one.fulfilled)]
-    wins = [
-        float(np.mean([a.text > b.text for a in good for b in bad]))
-        for one in mixed
-        for good, bad in [
-            (
-                [t for t, ok in zip(one.takes, one.fulfilled, strict=True) if ok],
-                [t for t, ok in zip(one.takes, one.fulfilled, strict=True) if not ok],
-            )
-        ]
-    ]
+    wins = []
+    for one in mixed:
+        text = np.array([take.text for take in one.takes])
+        wins.append(float((text[one.fulfilled][:, None] > text[~one.fulfilled]).mean()))
     lines.append(
         f"of two takes of a prompt, one of which obeys, text alone prefers it in "
         f"{100 * np.mean(wins):.0f} % ({len(mixed)} prompts)"

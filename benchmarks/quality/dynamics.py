@@ -87,19 +87,14 @@ class Dynamics:
         rest = (body < 0.12) & (pelvis < 0.15)
         slow, hanging = support(joints)
         skeleton = motion.skeleton
+        left, right = skeleton.left_foot[-1], skeleton.right_foot[-1]
         return cls(
             jerk,
             np.array([power.sum(), power[hertz >= 3].sum(), power[hertz >= 5].sum()]),
             np.array([len(rest), rest.sum(), slow.sum(), hanging.sum()], float),
             np.array([body[:few].mean(), body[-few:].mean()]) / max(body.mean(), 1e-9),
             100 * foot_sliding(joints, FPS, skeleton),
-            np.array(
-                [
-                    w
-                    for foot in (skeleton.left_foot, skeleton.right_foot)
-                    for w in _ways(joints[:, foot[-1]])
-                ]
-            ),
+            np.array([*_ways(joints[:, left]), *_ways(joints[:, right])]),
             float(np.linalg.norm(velocity[:, 0, ::2], axis=-1).sum() / FPS),
             any(end - start >= LONG * FPS for start, end in spans(hanging)),
         )
