@@ -21,6 +21,7 @@ from latentmotion.evaluation.evaluate import (
     Comparison,
     PublishedGroundTruth,
     build_test_set,
+    compare,
     departures,
     evaluate,
 )
@@ -160,17 +161,16 @@ def test_a_vae_is_measured_by_position_too(dataset: Dataset) -> None:
     vae = build(ConvolutionalVAEConfig(width=8, channels=4)).eval()
     mean = Reconstructed(vae, card(), sampled=False, row="mean")
     drawn = Reconstructed(vae, card(), sampled=True, row="drawn")
-    report = Comparison((mean, drawn), dataset, None, SMALL)()
+    report = compare([mean, drawn], dataset, None, SMALL)
     assert {"MPJPE", "PA-MPJPE", "ACCL", "APE root"} < set(report["mean"])
     assert "FID" not in report["mean"] and "Nearest clip" not in report["mean"]
     assert len(set(values(report, "mean", "MPJPE"))) == 1
     assert len(set(values(report, "drawn", "MPJPE"))) == 3
     assert any("no evaluator" in note for note in report.notes)
     padded = replace(SMALL, quirks=replace(SMALL.quirks, padded_sums=True))
-    as_authors = Comparison((mean,), dataset, None, padded)()
+    as_authors = compare([mean], dataset, None, padded)
     assert as_authors["mean"]["MPJPE"].mean > report["mean"]["MPJPE"].mean
-    seeded = replace(AS_AUTHORS, seed=3)
-    default = evaluate(replace(mean, sampled=None), dataset, None, seeded)
+    default = compare([replace(mean, sampled=None)], dataset, None, replace(AS_AUTHORS, seed=3))
     assert len(set(values(default, "mean", "MPJPE"))) == 3
 
 
@@ -284,14 +284,14 @@ def test_what_does_not_fit_is_refused(dataset: Dataset) -> None:
     with pytest.raises(ModelError, match="makes features 'kit'"):
         evaluate(Generated(Answers(card(representation="kit"), {})), dataset, None, SMALL)
     with pytest.raises(InputError, match="each of another name"):
-        Comparison((noise_model(), noise_model()), dataset, None, SMALL)
+        compare([noise_model(), noise_model()], dataset, None, SMALL)
     with pytest.raises(DataError, match=r"0 clips with captions .* test split"):
         evaluate(noise_model(), dataset, None, replace(SMALL, split="test"))
     action = replace(
         noise_model(), generator=Answers(card(condition=ActionTask()), {}), row="labels"
     )
     with pytest.raises(InputError, match="evaluate them apart"):
-        Comparison((noise_model(), action), dataset, None, SMALL)
+        compare([noise_model(), action], dataset, None, SMALL)
     with pytest.raises(InputError, match="no motion of at most 8 frames"):
         evaluate(noise_model(), dataset, None, replace(SMALL, max_frames=8))
     with pytest.raises(InputError, match="0 replications"):

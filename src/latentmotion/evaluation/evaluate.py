@@ -37,7 +37,7 @@ from latentmotion.storage.shards import ShardContent, ShardedRun, ShardManifest,
 def evaluate(
     candidate: Candidate, dataset: Dataset, evaluator: Evaluator | None, protocol: Protocol = CLEAN
 ) -> Report:
-    """Evaluates one model; several beside each other are a `Comparison`.
+    """Evaluates one model.
 
     Args:
         candidate: The model, as a generator, a reconstruction or a prior.
@@ -50,7 +50,23 @@ def evaluate(
         InputError: Model, evaluator and data do not fit.
         ModelError: The model's features are not those of the data.
     """
-    return Comparison((candidate,), dataset, evaluator, protocol)()
+    return compare([candidate], dataset, evaluator, protocol)
+
+
+def compare(
+    candidates: Sequence[Candidate],
+    dataset: Dataset,
+    evaluator: Evaluator | None,
+    protocol: Protocol = CLEAN,
+) -> Report:
+    """Evaluates several models on the same test prompts, each with its own row.
+
+    Raises:
+        DataError: As for `evaluate`.
+        InputError: As for `evaluate`, or two rows have the same name, or tasks differ.
+        ModelError: As for `evaluate`.
+    """
+    return Comparison(tuple(candidates), dataset, evaluator, protocol)()
 
 
 def build_test_set(
@@ -63,7 +79,7 @@ def build_test_set(
 
     Raises:
         DataError: As for `evaluate`.
-        InputError: As for `evaluate`, or two rows have the same name, or tasks differ.
+        InputError: As for `compare`.
         ModelError: As for `evaluate`.
     """
     rows = [GROUND_TRUTH, *(candidate.row for candidate in candidates)]
