@@ -16,11 +16,10 @@ or more.
 
 from __future__ import annotations
 
-import csv
 import re
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from zlib import crc32
 
 import numpy as np
@@ -28,6 +27,7 @@ import numpy as np
 from latentmotion.data.clip import mirror_words
 from latentmotion.errors import InputError
 from latentmotion.language.words import plain
+from latentmotion.storage.reading import read_table
 
 SIDES = ("left", "right", "both", "any")
 DIRECTIONS = ("forward", "backward", "left", "right")
@@ -123,7 +123,6 @@ def refused_captions() -> frozenset[str]:
 @cache
 def instructions() -> tuple[Instruction, ...]:
     """Returns the list."""
-    table = files("latentmotion.data").joinpath("instructions.csv").read_text(encoding="utf-8")
     return tuple(
         Instruction(
             id=row["id"],
@@ -132,5 +131,5 @@ def instructions() -> tuple[Instruction, ...]:
             check=parse(row["check"]),
             seconds=float(row["seconds"]) if row["seconds"] else None,
         )
-        for row in csv.DictReader(table.splitlines())
+        for _, row in read_table(Path(__file__).with_name("instructions.csv"), ())
     )

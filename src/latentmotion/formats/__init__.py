@@ -8,7 +8,6 @@ from __future__ import annotations
 import difflib
 import importlib
 import json
-import tomllib
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from latentmotion.errors import DataError, InputError, ReadingWarning
 from latentmotion.motion import Motion
 from latentmotion.plugins import plugin, plugin_names
 from latentmotion.storage.files import check_writable
+from latentmotion.storage.reading import packaged_toml
 
 if TYPE_CHECKING:
     from latentmotion.formats.takes import SkeletonTake
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # Programs and data sets whose bones `formats/engines.py` knows.
 EngineName = Literal["unreal", "unity", "godot", "mixamo", "lafan", "cmu"]
 
-_FORMATS = tomllib.loads(Path(__file__).with_name("formats.toml").read_text(encoding="utf-8"))
+_FORMATS = packaged_toml(__file__, "formats.toml")
 
 
 def _functions(verb: str) -> Mapping[str, str]:

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -43,6 +42,7 @@ from latentmotion.motion import Motion
 from latentmotion.render.mannequin import Mannequin, make_mannequin
 from latentmotion.representation.canonical import heading
 from latentmotion.storage import configuration, files
+from latentmotion.storage.reading import packaged_toml
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ _SWAY = 0.25
 @cache
 def engines() -> Mapping[str, Engine]:
     """Returns the presets by name: engines, and data sets."""
-    text = Path(__file__).with_name("engines.toml").read_text(encoding="utf-8")
-    return {name: configuration.from_json(Engine, row) for name, row in tomllib.loads(text).items()}
+    rows = packaged_toml(__file__, "engines.toml")
+    return {name: configuration.from_json(Engine, row) for name, row in rows.items()}
 
 
 def for_engine(motion: Motion, name: EngineName) -> Motion:

@@ -11,18 +11,17 @@ Skeletons of the data sets also have joint maps, which say where positions are r
 from __future__ import annotations
 
 import re
-import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from latentmotion.errors import DataError
 from latentmotion.kinematics.skeleton import HUMANML3D
 from latentmotion.plugins import plugins, warn_of
+from latentmotion.storage.reading import packaged_toml
 
 # HumanML3D's name → a source joint, or the weights of several that sum to 1.
 JointMap = Mapping[str, str | Mapping[str, float]]
@@ -114,7 +113,7 @@ _SIDE_PARTS = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "w
 
 @cache
 def _tables() -> dict[str, dict[str, Any]]:
-    return tomllib.loads(Path(__file__).with_name("bone_names.toml").read_text(encoding="utf-8"))
+    return packaged_toml(__file__, "bone_names.toml")
 
 
 @cache

@@ -20,7 +20,6 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib.resources import files
 from math import sqrt
 from pathlib import Path
 from typing import Literal
@@ -37,6 +36,7 @@ from latentmotion.evaluation.instructions.motions import MIN_FRAMES, Joints
 from latentmotion.progress import counted
 from latentmotion.storage.configuration import to_json
 from latentmotion.storage.files import atomic_file, atomic_folder
+from latentmotion.storage.reading import read_table
 
 _NEGATED = re.compile(r"\b(without|not|no|doesn't|never|or|as if|like)\b")
 
@@ -71,7 +71,7 @@ def patterns(of: Literal["captions", "labels"]) -> tuple[Pattern, ...]:
     """Returns the claims that are searched."""
     return tuple(
         Pattern(row["group"], re.compile(row["pattern"]), held_out.parse(row["check"]))
-        for row in csv.DictReader(packaged_text(f"{of}.csv").splitlines())
+        for _, row in read_table(Path(__file__).with_name(f"{of}.csv"), ())
     )
 
 
@@ -393,16 +393,11 @@ def _line(cells: list[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def packaged_text(name: str) -> str:
-    """Returns a text file of this package."""
-    return files("latentmotion.evaluation.instructions").joinpath(name).read_text(encoding="utf-8")
-
-
 @cache
 def instructions() -> tuple[held_out.Instruction, ...]:
     """Returns the list."""
-    rows = csv.DictReader(packaged_text("checks.csv").splitlines())
-    checks = {row["id"]: held_out.parse(row["check"]) for row in rows}
+    rows = read_table(Path(__file__).with_name("checks.csv"), ())
+    checks = {row["id"]: held_out.parse(row["check"]) for _, row in rows}
     listed = held_out.instructions()
     return tuple(replace(instruction, check=checks[instruction.id]) for instruction in listed)
 
