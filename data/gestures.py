@@ -35,7 +35,8 @@ from latentmotion.data.dataset import Dataset
 from latentmotion.data.store import StoredClip, StoredMotion, stored_normalizer, write_dataset
 from latentmotion.diffusion.condition import TextEncoder
 from latentmotion.engine.backend import FeatureEncoder
-from latentmotion.language.reading import request_of
+from latentmotion.language.claims import NO_CORRECTIONS
+from latentmotion.language.reading import asked_exactly
 from latentmotion.language.words import words_of
 from latentmotion.model.card import MOVES_FILE, find_model
 from latentmotion.networks.checkpoint import load_model
@@ -557,18 +558,22 @@ def outside_classifier(
     return fitted_classifier(vectors, labels, len(numbers), OUTSIDE_STEPS, weights)
 
 
-def unrecognized(
+def beside_classifier(
     index: ClipIndex, wordings: Mapping[str, Sequence[str]], text_encoder: TextEncoder
 ) -> dict[str, list[str]]:
-    """Returns wordings that the regression does not surely recognize, or that claim something."""
+    """Returns wordings that name their movement where the classifier of an index does not.
+
+    It recognizes them, but not surely, or they name an exact turn or count, for which it is not
+    asked. Those that it takes for another movement name both and are left out.
+    """
     remaining: dict[str, list[str]] = {}
     for name, texts in wordings.items():
         classified = [index.classified(vector[None]) for vector in embedded(texts, text_encoder)]
         remaining[name] = [
             text
             for text, movement in zip(texts, classified, strict=True)
-            if request_of(text).claims
-            or not (movement and movement.caption.text == name and movement.probability >= SURE)
+            if asked_exactly(text, any_length=True) != NO_CORRECTIONS
+            or (movement and movement.caption.text == name and movement.probability < SURE)
         ]
     return remaining
 
@@ -683,7 +688,7 @@ class Gestures:
             outside = outside_classifier(self.outside, texts, pipeline.text_encoder)
             fitted = movement_classifier(index, drawn, pipeline.text_encoder)
             index = replace(index, classifier=fitted, outside=outside)
-            drawn = unrecognized(index, drawn, pipeline.text_encoder)
+            drawn = beside_classifier(index, drawn, pipeline.text_encoder)
             if self.embed:
                 for name, texts in read_wordings(self.further).items():
                     further[name] = [*further.get(name, ()), *texts]
