@@ -224,13 +224,27 @@ def test_deeper_models_are_layer_after_layer(tmp_path: Path) -> None:
     np.testing.assert_array_equal(LengthModel.read(tmp_path / "deep.safetensors")(x), twice(x))
 
 
+def test_weights_in_16_bits_are_read_as_they_stand(tmp_path: Path) -> None:
+    parts = {"weight": MODEL.weights, "bias": MODEL.biases}
+    arrays = {
+        f"{layer}.{part}": array.astype(np.float16)
+        for part, layers in parts.items()
+        for layer, array in enumerate(layers)
+    }
+    about = {"encoder": "made up", "quantiles": json.dumps(QUANTILES)}
+    save_file(arrays, tmp_path / "lengths.safetensors", about)
+    x = np.array([[3.0, 0.5]], np.float32)
+    read = LengthModel.read(tmp_path / "lengths.safetensors")
+    np.testing.assert_array_equal(read(x), MODEL(x))
+
+
 def test_files_with_other_arrays_are_refused(tmp_path: Path) -> None:
     path, about = (
         tmp_path / "many.safetensors",
         {"encoder": "x", "quantiles": json.dumps(QUANTILES)},
     )
-    save_file({f"{n}.weight": np.zeros((1, 1)) for n in range(17)}, path, about)
-    with pytest.raises(ModelError, match="17 arrays; expected at most 16"):
+    save_file({f"{n}.weight": np.zeros((1, 1)) for n in range(25)}, path, about)
+    with pytest.raises(ModelError, match="25 arrays; expected at most 24"):
         LengthModel.read(path)
     save_file(
         {"0.weight": np.zeros((5, 2)), "0.bias": np.zeros(5), "odd": np.zeros(1)}, path, about
