@@ -102,9 +102,8 @@ def filled_page(title: str, motions: str, notes: str = "") -> str:
         motions: What `json_in_html` returns.
         notes: What was not known, or read otherwise, a line each.
     """
-    fields = {"title": html.escape(title), "motions": motions, "script": packed_script()}
-    fields["notes"] = html.escape(notes)
-    return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], _resource("template.html"))
+    fields = {"title": html.escape(title), "notes": html.escape(notes), "motions": motions}
+    return _filled(_resource("template.html"), {**fields, "script": packed_script()})
 
 
 def split_page(style: str, script: str) -> tuple[str, str]:
@@ -126,8 +125,11 @@ def split_page(style: str, script: str) -> tuple[str, str]:
     before, head, css, body, end = parts.groups()
     link = f'<link rel="stylesheet" href="{style}">'
     page = f'{before}{head}{link}{body}<script src="{script}"></script>{end}'
-    fields = {"title": "Latent Motion", "motions": "", "notes": ""}
-    return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], page), css
+    return _filled(page, {"title": "Latent Motion", "motions": "", "notes": ""}), css
+
+
+def _filled(page: str, fields: Mapping[str, str]) -> str:
+    return re.sub(r"\{\{(\w+)\}\}", lambda field: fields[field[1]], page)
 
 
 def write_page(
