@@ -370,8 +370,9 @@ class SentenceReader:
             surely = movement is not None and movement.probability >= SURE
             kind, probability = self.index.outside_kind(vectors)
             least = OUTSIDE_THOUGH_CLAIMED if request_of(part).claims else OUTSIDE
-            # "Like a dog" is a way of doing something.
+            # "Like a dog" is a way of doing something, "two jumping jacks" are no crowd.
             alone = len(parts) == 1 and neighbor.cosine < SAME_SENTENCE and "like" not in words
+            alone = alone and asked_exactly(part, any_length=True).count is None
             if alone and probability >= least:
                 return Doubt(part.strip(), outside_kinds()[kind]["says"], caption)
             if near or surely or wording.cosine >= SAID_OTHERWISE:
