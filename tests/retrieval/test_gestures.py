@@ -1,6 +1,7 @@
 """Gestures that are drawn: hands are where the table says, and the index that ships has them."""
 
 import importlib.util
+import re
 import sys
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from latentmotion.data.pack_file import read_pack
 from latentmotion.model.card import MOVES_FILE, SHIPPED
 from latentmotion.representation import representation_named
 from latentmotion.retrieval.index import DRAWN, read_index
+from latentmotion.retrieval.wordings import read_wordings
+from latentmotion.storage.reading import unpack_xz
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -65,6 +68,33 @@ captions = ["a person does the secret club greeting", "the secret club hello"]
 seconds = 2
 right = [[0.2, "rest"], [0.9, "shoulder", 0, 0.05, 0.44], [1.8, "rest"]]
 """
+
+
+def test_no_prompt_of_a_benchmark_is_fitted(gestures):
+    def plain(text):
+        return " ".join(re.findall(r"[\w'-]+", text.lower()))
+
+    def rows_of(path):
+        text = unpack_xz(path).decode() if path.suffix == ".xz" else path.read_text("utf-8")
+        return [line.split("\t") for line in text.splitlines()]
+
+    lists = DATA.parent / "benchmarks" / "quality"
+    prompts = {
+        plain(row[1])
+        for name in ("movements", "terse")
+        for row in rows_of(lists / f"{name}.tsv.xz")
+    }
+    prompts |= {plain(text) for row in rows_of(lists / "acts" / "acts.tsv")[1:] for text in row[4:]}
+    for name in ("foreign", "known"):
+        prompts |= {plain(row[-1]) for row in rows_of(lists / "acts" / f"{name}.tsv")[1:]}
+    # The name of a movement that has been drawn since may be what was once foreign.
+    fitted = [
+        text for row in gestures.read_rows(DATA / "gestures.toml") for text in row["captions"][1:]
+    ]
+    wordings = read_wordings([DATA / "phrases.tsv.xz"]).values()
+    fitted += [text for texts in wordings for text in texts]
+    fitted += [row[1] for row in rows_of(DATA / "outside.tsv.xz")]
+    assert len(prompts) > 2000 and not [text for text in fitted if plain(text) in prompts]
 
 
 def test_the_pack_has_the_recordings(gestures):
